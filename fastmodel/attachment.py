@@ -141,7 +141,9 @@ def _find_carrier(
         found = spec.body(wanted) or spec.site(wanted)
         if found is None:
             kind = "body or site" if spec.sites else "body"
-            raise name_unknown(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
+            geom = spec.geom(wanted)
+            note = f"; {wanted!r} is a geom of body {geom.parent.name!r}: name the body" if geom else ""
+            raise name_unknown(kind, wanted, _list_names([*spec.bodies, *spec.sites]), note)
         return found
     if wanted not in [*spec.bodies, *spec.sites]:
         kind = "body" if isinstance(wanted, mujoco.MjsBody) else "site"

@@ -140,6 +140,7 @@ def test_a_geom_that_cannot_be_replaced_leaves_the_spec_as_it_was(replaces, mess
     [
         (lambda other: {"body": other.site("drawn")}, "site 'drawn' belongs to another spec"),
         (lambda other: {"replaces": other.geom("pad")}, "geom 'pad' belongs to another spec"),
+        (lambda _: {"body": "pad"}, "no body or site named 'pad'; .*; 'pad' is a geom of body 'finger': name the body"),
         (lambda _: {"body": "figner"}, "no body or site named 'figner'; valid names: crossed, drawn, finger"),
     ],
 )

@@ -6,9 +6,10 @@ texel, row by row, x fastest.  Lines of the form `# key = value` before the head
 letters, digits, spaces and `_ - . [ ] /`, and starts with a letter.  Every other line that starts with `#` is a
 comment.
 
-A file whose header line holds semicolons has semicolons between columns and decimal commas.  Times since 1970 may be in
-seconds, milliseconds, microseconds or nanoseconds, which their size tells; the label `time unit` states it.  A file
-with three columns per texel, such as `x0, y0, z0` or `texel_0_x`, needs the name of the axis that is read: key
+A file whose header line holds semicolons has semicolons between columns and decimal commas; one with tabs has tabs and
+decimal points.  The name of the first column may state another unit of time: `time_ms`, `time [us]`.  Times since 1970
+may be in seconds, milliseconds, microseconds or nanoseconds, which their size tells; the label `time unit` states it.
+A file with three columns per texel, such as `x0, y0, z0` or `texel_0_x`, needs the name of the axis that is read: key
 `axis`, or the option.
 
 Counts may be negative (a zero was subtracted) and may have fractions (means of several frames).  Fractions are rounded
@@ -69,8 +70,14 @@ _MOST_ROUNDED = 0.01
 PITCH_ASSUMED = "pitch assumed"
 #: Label that states the unit of times since 1970 that are not in seconds.
 TIME_UNIT = "time unit"
-#: Smallest time since 1970, a date in 1973, in units other than seconds: name and units per second.
-_UNITS = ((1e17, "ns", 1e9), (1e14, "us", 1e6), (1e11, "ms", 1e3))
+#: Units of time: units per second by name.
+_UNITS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}
+#: Smallest time since 1970, a date in 1973, in seconds.  Larger numbers are in another unit, which their size tells.
+_SINCE_1970 = 1e8
+#: Pattern of the name of the column of times, with its unit.
+_TIME = re.compile(r"time(?:[ _]*[(\[]?(s|ms|us|ns)[)\]]?)?")
+#: Separators between columns, by name; the first one that the header line holds counts.
+_SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 #: Pattern of the name of a column that holds one of three axes of a texel.
 _AXIS = re.compile(r"(?P<before>.*)(?P<axis>[xyz])(?P<after>[^a-z]*)")
 #: Number of axes of a texel [-].
@@ -89,7 +96,7 @@ class _Table:
         header: Names of the columns, in lower case.
         values: Numbers in the lines below the header, shape (lines, columns).
         comma: Whether numbers have decimal commas.
-        unit: Unit of times since 1970; empty for seconds.
+        unit: Unit of times since 1970, if their size told it; empty otherwise.
     """
 
     path: Path
@@ -258,25 +265,27 @@ def _read_table(path: Path) -> _Table:
     header: list[str] = []
     values = array.array("d")
     before = -math.inf
-    first, delimiter, unit, scale = 0, "", "", 1.0
+    first, delimiter, stated, unit, scale = 0, "", "", "", 1.0
     for place, line in _read_lines(path):
         if line.startswith("#"):
             _add_note(place, line, notes)
             continue
         try:
-            delimiter = delimiter or (";" if ";" in line else ",")
+            delimiter = delimiter or next((each for each in _SEPARATORS if each in line), ",")
             cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
         except csv.Error as error:
-            raise RecordingError(f"{place}: {error}; expected numbers between commas or semicolons") from error
+            raise RecordingError(f"{place}: {error}; expected numbers between commas, semicolons or tabs") from error
         if not header:
-            header = _read_header(place, cells)
+            header, stated = _read_header(place, cells, _SEPARATORS[delimiter])
             first = _find_first_texel(header)
             continue
         if len(values) + len(cells) > MOST_VALUES:
             raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
         numbers = _read_numbers(place, cells, header, comma=delimiter == ";")
         if not values:
-            unit, scale = next(((name, by) for least, name, by in _UNITS if numbers[0] >= least), ("", 1.0))
+            unit = next((name for name, by in _UNITS.items() if numbers[0] >= _SINCE_1970 * by), "s")
+            scale = _UNITS[stated or unit]
+            unit = "" if stated or unit == "s" else unit
         numbers[0] /= scale
         _check_range(place, numbers[:first])
         if numbers[0] < before:
@@ -318,17 +327,20 @@ def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
     notes[key] = value
 
 
-def _read_header(place: str, cells: list[str]) -> list[str]:
-    """Return the names of the columns in lower case: time, optional ones, and texels."""
+def _read_header(place: str, cells: list[str], separator: str) -> tuple[list[str], str]:
+    """Return the names of the columns in lower case: time, optional ones, and texels; and the stated unit of time."""
     header = [cell.lower() for cell in cells]
+    time = _TIME.fullmatch(header[0])
+    header[0] = "time" if time else header[0]
     between = header[1 : _find_first_texel(header)]
-    if header[0] != "time" or not set(between) <= set(_SENSOR_COLUMNS) or len(set(header)) != len(header):
+    if time is None or not set(between) <= set(_SENSOR_COLUMNS) or len(set(header)) != len(header):
         raise RecordingError(
-            f"{place}: expected the columns `time`, optionally `force` and `temperature`, and then one column per "
-            "texel, each with a name of its own; texels that form no rectangle, such as a table of their positions, "
+            f"{place}: {len(cells)} columns between {separator}, {', '.join(cells)[:40]!r}...; expected, between "
+            "commas, semicolons (with decimal commas) or tabs, the columns `time` [s] or `time_ms`, optionally `force` "
+            "and `temperature`, and one column per texel, each with a name of its own; texels that form no rectangle "
             "are not read: order them in rows and columns of one pitch, with a column of zeros for each missing one"
         )
-    return header
+    return header, time[1] or ""
 
 
 def _find_first_texel(header: list[str]) -> int:
@@ -422,9 +434,11 @@ def _find_shape(
         rows, columns = sensor.rows, sensor.columns
     rows, columns = rows or texels // (columns or texels + 1), columns or texels // (rows or texels + 1)
     if not 1 <= texels <= MOST_TEXELS or rows < 1 or rows * columns != texels:
+        side = next(each for each in range(math.isqrt(texels) or 1, 0, -1) if texels % each == 0)
         layout = f"are not {rows} rows x {columns} columns" if rows else "in an unknown number of rows and columns"
         raise RecordingError(
-            f"{table.path}: {texels} texels {layout}; write `# rows = 14` and `# columns = 6` before the first line, "
-            "or give --rows and --columns; each missing texel of a rectangle needs a column of zeros"
+            f"{table.path}: {texels} texels {layout}; write for example `# rows = {texels // side}` and `# columns = "
+            f"{side}` before the first line, or give --rows and --columns; each missing texel of a rectangle needs a "
+            "column of zeros"
         )
     return rows, columns

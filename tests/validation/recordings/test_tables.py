@@ -143,7 +143,7 @@ def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path
         (CSV, "9,10,4095", "9,10,x", "line 7: not a number"),
         (CSV, "9,10,4095", "9,10", "line 7: 8 columns; expected 9"),
         (CSV, "9,10,4095", "9,10,nan", "line 7: all numbers must be finite"),
-        (CSV, "time,force", "force,time", "line 5: expected the columns"),
+        (CSV, "time,force", "force,time", "line 5: 9 columns between commas, 'force, time"),
         (CSV, "# rows = 2\n", "# rows = 4\n", "6 texels are not 4 rows x 3 columns"),
         (CSV, "# rows = 2\n# columns = 3\n", "", "6 texels in an unknown number of rows and columns"),
         (CSV, "# load = 1.5", "# load = heavy", "not a number"),
@@ -184,6 +184,32 @@ def test_times_since_1970_are_read_in_every_unit(tmp_path, softcover, unit, fact
     assert (f"the times are taken as {unit} since 1970" in err) == (unit != "s")
     (tmp_path / "f.csv").write_text("time,force\n" + "\n".join(line.rsplit(",", 1)[0] for line in lines))
     assert tables.read_forces(tmp_path / "f.csv")[0] == pytest.approx(1_700_000_000 + np.arange(0, 8, 2), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "times"),
+    [
+        ("# rows = 1\ntime\ta\tb\n0.5\t1\t2\n1.5\t3\t4\n", [0, 1]),
+        ("# rows = 1\nTime_ms,a,b\n500,1,2\n750,3,4\n", [0, 0.25]),
+        ("# rows = 1\ntime [us];a;b\n500,5;1;2\n1500,5;3;4\n", [0, 1e-3]),
+        ("# rows = 1\ntime (s),a,b\n5,1,2\n7,3,4\n", [0, 2]),
+    ],
+)
+def test_tabs_and_stated_units_of_time(tmp_path, text, times):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    found = open_recording(path)
+    assert found.times == pytest.approx(times)
+    assert found.arrays[0].counts.tolist() == [[1, 2], [3, 4]]
+    assert found.setup.other == {"pitch assumed": "3.4 mm"}
+
+
+@pytest.mark.parametrize(("rows", "columns", "texels"), [(12, 12, 144), (8, 6, 48), (7, 1, 7)])
+def test_a_missing_layout_comes_with_one_that_fits(tmp_path, rows, columns, texels):
+    path = tmp_path / "a.csv"
+    path.write_text(f"time,{','.join(f't{n}' for n in range(texels))}\n" + ",".join(["0"] * (texels + 1)))
+    with pytest.raises(RecordingError, match=f"`# rows = {rows}` and `# columns = {columns}`"):
+        open_recording(path)
 
 
 def test_semicolons_come_with_decimal_commas(tmp_path):
