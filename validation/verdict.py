@@ -141,13 +141,17 @@ class Verdict(Result):
         )
 
     @property
+    def deciding(self) -> tuple[Finding, ...]:
+        """The requirement that decides in each comparison: the first one missed, else undecided, else met."""
+        groups = [[each for each in self.findings if each.against == other] for other in self.compared]
+        order = ("missed", "open", "met")
+        return tuple(min(group, key=lambda each: order.index(each.status)) for group in groups if group)
+
+    @property
     def short(self) -> str:
         """The verdict in one line, with the requirement that decides in each comparison."""
-        parts = []
-        for other, count in self.compared.items():
-            found = [each for each in self.findings if each.against == other]
-            first = min(found, key=lambda each: ("missed", "open", "met").index(each.status), default=None)
-            parts.append(f"against {other}, {count}" + (f": {first.short}" if first else ""))
+        first = {each.against: f": {each.short}" for each in self.deciding}
+        parts = [f"against {other}, {count}{first.get(other, '')}" for other, count in self.compared.items()]
         return f"verdict: {self.word.upper()}; fast model {'; '.join(parts)}"
 
 

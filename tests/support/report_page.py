@@ -1,4 +1,4 @@
-"""The tables, tiles and numbers of a report's page, as texts and the numbers behind them."""
+"""The tables and numbers of a report's page, as texts and the numbers behind them."""
 
 from html.parser import HTMLParser
 
@@ -6,15 +6,16 @@ import pytest
 
 
 class Page(HTMLParser):
-    """Cells of all tables, as rows of texts and of the numbers behind them, the tiles' texts, and numbers in sentences.
+    """Cells of all tables, the requirements that decide, and numbers in sentences.
 
-    A number in a sentence comes with the text before it, and with the number behind it.
+    Cells are rows of texts and of the numbers behind them.  A requirement that decides is its value and the words after
+    it.  A number in a sentence comes with the text before it, and with the number behind it.
     """
 
     def __init__(self):
         super().__init__()
-        self.tables, self.tiles, self.spans, self._texts = {}, [], [], None
-        self._before, self._number = "", None
+        self.tables, self.keys, self.spans, self._texts = {}, [], [], None
+        self._before, self._number, self._key = "", None, None
 
     def handle_starttag(self, tag, attrs):
         attrs = dict(attrs)
@@ -25,13 +26,16 @@ class Page(HTMLParser):
         elif tag in ("td", "th"):
             self._texts = []
             self._rows[-1].append((attrs.get("data-value"), self._texts))
-        elif tag == "div" and attrs.get("class") == "tile":
-            self._texts = []
-            self.tiles.append(self._texts)
+        elif tag == "div" and attrs.get("class") == "key":
+            self._texts = self._key = []
         elif tag == "span" and "data-value" in attrs:
             self._number = float(attrs["data-value"])
 
     def handle_endtag(self, tag):
+        if tag == "div" and self._key is not None:
+            value, *words = self._key
+            self.keys.append((value, " ".join(" ".join(words).split())))
+            self._key = None
         if tag in ("td", "th", "div"):
             self._texts = None
 

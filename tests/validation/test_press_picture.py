@@ -10,11 +10,13 @@ import pytest
 
 import fastmodel
 from fem_reference.fields.cover_fields import CoverFields
-from meshes import Sphere
+from meshes import Cover, Layer, Sphere
+from meshes.catalogue import MATERIALS
 from tests.support.indentations import make_indentation
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.press_files import find_profile, list_images, write_picture, write_press
+from validation.press_files import write_press
+from validation.press_picture import find_profile, list_images, write_picture
 from validation.sensor_file import BUILT_IN
 
 SENSOR = BUILT_IN["wts-0614-34"]
@@ -85,9 +87,8 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: saved.append(figure))
     write_picture(comparison, tmp_path)
     figure = saved[0]
-    panels = [axes for axes in figure.axes if axes.images]
-    bars = [axes for axes in figure.axes if axes.get_xlabel() == "mN"]
-    assert (len(panels), len(bars)) == (3, 3)
+    above, below = figure.subfigs
+    panels = [axes for axes in above.axes if axes.images]
     for axes, (title, forces) in zip(panels, list_images(comparison), strict=True):
         (image,) = axes.images
         np.testing.assert_allclose(image.get_array(), 1e3 * forces.reshape(14, 6), atol=1e-12)
@@ -95,24 +96,39 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
         signed = title == "difference"
         top = 1e3 * (np.abs(forces).max() if signed else 83 / 840)
         assert image.get_clim() == pytest.approx((-top if signed else 0, top))
-        assert axes.get_title() == ("fast - finite elements" if signed else title)
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("column", "row")
         assert axes.get_aspect() == 1
-    first, force = figure.get_suptitle().splitlines()
-    assert first == "sphere:radius=5mm on wts-0614-34"
-    assert force.startswith("4.1500 N: 4.1500 N on the texels")
-    profile = figure.axes[3]
-    surface, depth, rest = profile.lines
-    x, z = surface.get_data()
-    extent = 4 * np.sqrt(8 / np.pi)  # four radii of contact [mm]
-    assert extent - 1 < x[-1] <= extent
-    assert x[0] == -x[-1]
-    np.testing.assert_allclose(z, -0.3 * np.exp(-(x**2) / 4), atol=1e-9)
-    assert (set(depth.get_ydata()), set(rest.get_ydata())) == ({-0.3}, {0.0})
-    legend = [text.get_text() for text in profile.get_legend().texts]
-    assert legend == ["surface of the cover", "depth 0.3 mm"]
-    labels = ["along the indenter's x axis [mm]", "height above rest [mm]", "depth profile"]
-    assert [profile.get_xlabel(), profile.get_ylabel(), profile.get_title()] == labels
+        for ticks, count in ((axes.get_xticks(), 6), (axes.get_yticks(), 14)):
+            assert set(ticks) <= set(range(count))
+    assert "sphere:" not in figure.get_suptitle()
+    assert "ball, radius 5 mm" in figure.get_suptitle().lower()
+    assert "4.1500 N on the texels" in figure.get_suptitle()
+    (section,) = below.axes
+    layer, indenter = section.collections[0].get_paths()[0].vertices, section.patches[0].get_xy()
+    upper = layer[(layer[:, 1] > 1) & (np.abs(layer[:, 0]) < 8)]
+    np.testing.assert_allclose(upper[:, 1], 2 - 0.3 * np.exp(-(upper[:, 0] ** 2) / 4), atol=0.02)
+    assert layer[:, 1].min() == 0
+    assert indenter[:, 1].min() == pytest.approx(2 - 0.3)  # its lowest point, at the depth
+    side = indenter[np.argmin(np.abs(indenter[:, 0] - 3) + indenter[:, 1])]
+    assert side[1] == pytest.approx(1.7 + 5 - np.sqrt(25 - side[0] ** 2), abs=1e-6)
+    named = [text.get_text() for text in section.get_legend().texts]
+    assert {"indenter", "bonded base", "assumed elastomer, 2 mm"} <= set(named)
+
+
+def test_a_section_names_every_layer_and_places_it(comparison, tmp_path, monkeypatch):
+    """Without fields the cover is flat and the indenter touches it; the layers have their own thicknesses."""
+    saved = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: saved.append(figure))
+    stiff = Layer(material=MATERIALS["pet"], thickness=0.25e-3)
+    soft = Layer(material=MATERIALS["ecoflex-00-30"], thickness=3e-3)
+    sensor = dataclasses.replace(SENSOR, cover=Cover(layers=(stiff, soft)))
+    fem = dataclasses.replace(comparison.fem, fields=None)
+    write_picture(dataclasses.replace(comparison, sensor=sensor, fem=fem), tmp_path)
+    (section,) = saved[0].subfigs[1].axes
+    ends = [np.unique(each.get_paths()[0].vertices[:, 1].round(9)).tolist() for each in section.collections]
+    assert ends == [[0, 0.25], [0.25, 3.25]]
+    assert section.patches[0].get_xy()[:, 1].min() == pytest.approx(3.25)
+    named = [text.get_text() for text in section.get_legend().texts]
+    assert {"pet, 0.25 mm", "ecoflex-00-30, 3 mm"} <= set(named)
 
 
 def test_files_without_pyvista_or_matplotlib_lack_their_pictures_and_name_the_extras(

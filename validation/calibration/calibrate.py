@@ -52,6 +52,8 @@ from validation.metrics import score_images
 from validation.output_folder import write_text
 from validation.parameters import find_parameters
 from validation.recordings.importing import list_modules
+from validation.render.figure import draw_texels, open_figure
+from validation.render.image import Scale
 from validation.results import Array, Indices, Result, result_model
 from validation.schema import read_raw
 from validation.schema.data_set import CommonKeys
@@ -497,33 +499,23 @@ def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path) -> Path:
     Raises:
         ImportError: If matplotlib is not installed.
     """
-    from matplotlib.figure import Figure
-
     order = np.argsort(hold_out.loads)
     chosen = order[np.unique(np.linspace(0, len(order) - 1, min(_MOST_DRAWN, len(order))).astype(int))]
     recorded, predicted = hold_out.recorded[chosen], hold_out.predicted[chosen]
-    top = float(max(recorded.max(), predicted.max(), 1.0))
-    apart = float(max(np.abs(predicted - recorded).max(), 1.0))
-    counts = {"vmin": 0.0, "vmax": top}
-    rows: tuple[tuple[str, FloatArray, dict[str, Any]], ...] = (
-        ("recorded", recorded, counts),
-        ("predicted", predicted, counts),
-        ("difference", predicted - recorded, {"cmap": "RdBu_r", "vmin": -apart, "vmax": apart}),
+    counts = Scale(peak=float(max(recorded.max(), predicted.max(), 1.0)), factor=1)
+    apart = Scale(peak=float(max(np.abs(predicted - recorded).max(), 1.0)), factor=1, difference=True)
+    rows = (
+        ("recorded", recorded, counts, "counts"),
+        ("predicted", predicted, counts, "counts"),
+        ("difference", predicted - recorded, apart, "counts apart"),
     )
-    (x, y), (dx, dy) = 1e3 * array.centres[:, :2].T, (500 * pitch for pitch in array.pitch)
-    extent = (x.min() - dx, x.max() + dx, y.min() - dy, y.max() + dy)
-    figure = Figure(figsize=(2.4 * len(chosen) + 1.2, 7.5), layout="constrained")
-    axes = figure.subplots(len(rows), len(chosen), squeeze=False)
-    for line, (name, images, limits) in zip(axes, rows, strict=True):
-        for axis, image, load in zip(line, images, hold_out.loads[chosen], strict=True):
-            shown = np.asarray(array.image(np.where(array.active, image, np.nan)), dtype=np.float64)
-            drawn = axis.imshow(shown, origin="lower", extent=extent, **limits)
-            axis.set_title(f"{name}, {load:.3g} N", fontsize=9)
-            axis.set_xlabel("x [mm]", fontsize=8)
-            axis.set_ylabel("y [mm]", fontsize=8)
-        figure.colorbar(drawn, ax=line.tolist(), label="counts")
-    figure.suptitle(f"left out: {hold_out}", fontsize=10)
-    figure.savefig(path, dpi=150)
+    with open_figure(path, height=6.5) as figure:
+        axes = figure.subplots(len(rows), len(chosen), squeeze=False)
+        for line, (name, images, scale, unit) in zip(axes, rows, strict=True):
+            for axis, image, load in zip(line, images, hold_out.loads[chosen], strict=True):
+                drawn = draw_texels(axis, array, image, scale, title=f"{name}, {load:.3g} N")
+            figure.colorbar(drawn, ax=line.tolist(), label=unit)
+        figure.suptitle(f"left out: {hold_out}")
     return path
 
 

@@ -6,10 +6,13 @@ Row 0, the row of smallest y, is drawn at the bottom; only the drawing is flippe
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from fastmodel.fitting.gaussian import unroll_from
@@ -36,7 +39,7 @@ _FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9
 #: Colours of differences of forces at equal steps from the most negative to the most positive one, white at zero.
 _DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c", "#97142a")
 #: Colour of texels that do not measure.
-_MASKED = "#e6e6ea"
+MASKED = "#e6e6ea"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +113,9 @@ def tactile_image(
     *,
     outline: FloatArray | None = None,
     name: str = "Texel values",
+    values_shown: bool = True,
 ) -> str:
-    """Draw a tactile image, one coloured square per texel with its value, as an SVG element with a label.
+    """Draw a tactile image, one coloured square per texel, as an SVG element with a label.
 
     The surface is unrolled about its middle texel.  Lengths are true on planes, and along arcs through this texel on
     cylinders and spheres.  All other lengths of a curved surface are distorted, as on a map of the globe.
@@ -123,18 +127,21 @@ def tactile_image(
         outline: Corners (x, y) of a closed line that is drawn over the image of a planar array, for example around the
             contact area, in the array's frame, shape (m, 2) [m]; None for no line.
         name: Title of the image, for its label.
+        values_shown: Whether each square shows its value; without values the drawing is five times smaller.
     """
     frame = _Frame(array)
     rows, columns = np.divmod(np.arange(array.count), array.columns)
     labels = [f"[{row}, {column}]" for row, column in zip(rows.tolist(), columns.tolist(), strict=True)]
-    cells = "".join(
-        _draw_cell(frame, (x, y), label, value if active else None, scale)
-        for (x, y), label, value, active in zip(
-            frame.places.tolist(), labels, values.tolist(), array.active.tolist(), strict=True
+    shown = [value if on else None for value, on in zip(values.tolist(), array.active.tolist(), strict=True)]
+    if values_shown:
+        cells = "".join(
+            _draw_cell(frame, place, label, value, scale)
+            for place, label, value in zip(frame.places.tolist(), labels, shown, strict=True)
         )
-    )
+    else:
+        cells = _draw_squares(frame, shown, scale)
     largest = int(np.argmax(np.abs(np.where(array.active, values, 0.0))))
-    shown = f"{int(array.active.sum())} texels; largest {values[largest] * scale.factor:.4g} {scale.unit}"
+    summary = f"{int(array.active.sum())} texels; largest {values[largest] * scale.factor:.4g} {scale.unit}"
     where = f"in row {rows[largest]}, column {columns[largest]}"
     line = ""
     if outline is not None:
@@ -144,13 +151,13 @@ def tactile_image(
     zoom = min(_WIDEST / width, _HIGHEST / height)
     return (
         f'<svg class="tactile" viewBox="0 0 {width:g} {height:g}" width="{zoom * width:.0f}" '
-        f'height="{zoom * height:.0f}" role="img" aria-label="{html.escape(f"{name}: {shown} {where}")}">'
-        f"{cells}{line}</svg>"
+        f'height="{zoom * height:.0f}" role="img" aria-label="{html.escape(f"{name}: {summary} {where}")}">'
+        f'<g font-size="{_trim(frame.edge * _SHARE)}" text-anchor="middle" fill="white">{cells}</g>{line}</svg>'
     )
 
 
 def _draw_cell(frame: _Frame, place: tuple[float, float], label: str, value: float | None, scale: Scale) -> str:
-    """Draw the square of one texel as SVG.
+    """Draw the square of one texel with its value as SVG.
 
     Args:
         frame: Places of the texels in the drawing.
@@ -159,35 +166,64 @@ def _draw_cell(frame: _Frame, place: tuple[float, float], label: str, value: flo
         value: Value of the texel; None if the texel is masked.
         scale: Colour scale of the image.
     """
-    (x, y), edge, font = place, frame.edge, frame.edge * _SHARE
-    colour = _MASKED if value is None else scale.colour(value)
+    colour = MASKED if value is None else scale.colour(value)
+    (x, y), edge = place, frame.edge
     title = f"{label} no texel" if value is None else f"{label} {value * scale.factor:.4g} {scale.unit}"
     square = f'x="{_trim(x - edge / 2)}" y="{_trim(y - edge / 2)}" width="{_trim(edge)}" height="{_trim(edge)}"'
     text = ""
     if value is not None:
-        text = (
-            f'<text x="{_trim(x)}" y="{_trim(y + font / 3)}" font-size="{_trim(font)}" fill="{choose_ink(colour)}" '
-            f'text-anchor="middle">{shorten(value * scale.factor)}</text>'
-        )
+        ink = ' fill="black"' if choose_ink(colour) == "black" else ""
+        text = f'<text x="{_trim(x)}" y="{_trim(y + edge * _SHARE / 3)}"{ink}>{shorten(value * scale.factor)}</text>'
     return f'<rect {square} fill="{colour}"><title>{title}</title></rect>{text}'
+
+
+def _draw_squares(frame: _Frame, values: Sequence[float | None], scale: Scale) -> str:
+    """Draw the squares of all texels as SVG, one path for each colour."""
+    edge, paths = _trim(frame.edge), dict[str, str]()
+    for (x, y), value in zip((frame.places - frame.edge / 2).tolist(), values, strict=True):
+        colour = MASKED if value is None else scale.colour(value)
+        paths[colour] = f"{paths.get(colour, '')}M{_trim(x)} {_trim(y)}h{edge}v{edge}h-{edge}z"
+    return "".join(f'<path fill="{colour}" d="{path}"/>' for colour, path in paths.items())
 
 
 def _trim(length: float) -> str:
     return f"{round(length, 2) + 0.0:g}"
 
 
+class Pressed(Protocol):
+    """Interface of a solved press, as far as its contact area is drawn."""
+
+    @property
+    def contact_points(self) -> FloatArray:
+        """Positions of the points of contact in the array's frame, shape (m, 3) [m]."""
+
+    @property
+    def contact_forces(self) -> FloatArray:
+        """Forces on the cover at these points, shape (m, 3) [N]."""
+
+
+def find_outline(array: TexelArray, found: Pressed) -> FloatArray | None:
+    """Return the convex hull of the contact area of a press, to be drawn over its tactile image.
+
+    Returns:
+        Corners (x, y) in the array's frame, shape (m, 2) [m]; None for an array that is not planar.
+    """
+    if not array.planar:
+        return None
+    points = found.contact_points[found.contact_forces.any(axis=1), :2]
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except (QhullError, ValueError):  # Fewer than three cells are in contact, or all of them lie on one line.
+        return np.asarray(points)
+
+
 def colour_bar(scale: Scale) -> str:
     """Draw the legend of a colour scale: a bar with all colours between the least and the greatest value, as HTML."""
-    low = -scale.peak if scale.difference else 0.0
-    edge = 90 / len(scale.colours)
-    blocks = "".join(
-        f'<rect x="{i * edge:.2f}" width="{edge + 0.1:.2f}" height="10" fill="{colour}"/>'
-        for i, colour in enumerate(scale.colours)
-    )
-    first, last = f"{low * scale.factor:.4g}", html.escape(f"{scale.peak * scale.factor:.4g} {scale.unit}")
+    low, ramp = -scale.peak if scale.difference else 0.0, ", ".join(scale.colours)
+    first, last = f"{low * scale.factor:.4g}".replace("-", "\u2212"), f"{scale.peak * scale.factor:.4g} {scale.unit}"
     return (
-        f'<span class="bar"><span>{first}</span><svg width="90" height="10" role="img" '
-        f'aria-label="Colour scale from {first} to {last}">{blocks}</svg><span>{last}</span></span>'
+        f'<span class="bar"><span>{first}</span><span role="img" class="ramp" style="background: '
+        f'linear-gradient(90deg, {ramp})" aria-label="Colour scale"></span><span>{html.escape(last)}</span></span>'
     )
 
 

@@ -17,27 +17,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.array_types import FloatArray
 from validation.derivation.base import Derivation
 from validation.derivation.layers import LayeredDerivation
 from validation.derivation.solid import SolidDerivation
 from validation.extras import MissingExtraError
 from validation.json_values import json_text
+from validation.render.figure import COLOURS, draw_texels, open_figure
+from validation.render.image import Scale
+from validation.text.indenter import describe_indenter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from meshes import TexelArray
     from validation.campaign.evaluation import Evaluation
-    from validation.campaign.results import CampaignResult, CaseResult
+    from validation.campaign.results import CampaignResult
 
 _LOG = logging.getLogger(__name__)
 
 #: Largest number of cases with a picture in three dimensions [-], because each picture takes a second or two.
 _MOST_PICTURES = 24
-#: Colour of each scored model in the figures.
-_COLOURS = {"fast": "#2b6cb0", "foundation": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
-_COLOURS |= {"gaussian": _COLOURS["foundation"], "rigid": _COLOURS["boxes"]}
 #: Function that draws a plot into the axes of a figure.
 Draw = Callable[["Axes"], None]
 
@@ -57,15 +55,10 @@ class Pictures:
 
 def render_svg(draw: Draw) -> str:
     """Draw a plot as an SVG element without background, in which black becomes the colour of the page's text."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
-    draw(figure.subplots())
     out = io.StringIO()
-    with rc_context({"svg.fonttype": "none"}):
-        metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        figure.savefig(out, format="svg", transparent=True, metadata=metadata)
+    metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with open_figure(out, width=6, height=3, format="svg", transparent=True, metadata=metadata) as figure:
+        draw(figure.subplots())
     _, start, rest = out.getvalue().partition("<svg")
     # Names of groups are removed, because they would not be unique on a page with several plots.
     return re.sub(r'<g id="[^"]*"', "<g", start + rest).replace("#000000", "currentColor")
@@ -89,20 +82,23 @@ def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
     sensor, spread, sigma = derivation.sensor, derivation.point_spread, derivation.sigma
     array = sensor.array
 
-    def draw_texels(axes: Axes) -> None:
+    def draw_texel_forces(axes: Axes) -> None:
+        from matplotlib.ticker import MaxNLocator
+
         column, offset = array.columns // 2, np.arange(array.rows) - array.rows // 2
         kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])
         for name, image, style, colour in (
-            ("reference, uniform texel load", derivation.texel_response_uniform, "o-", _COLOURS["fast"]),
-            ("reference, point load", derivation.texel_response, "D-", "black"),
-            ("fitted kernel", kernel, "s-", _COLOURS["no-spread"]),
+            ("reference, uniform texel load", derivation.texel_response_uniform, "o-", COLOURS["fem"]),
+            ("reference, point load", derivation.texel_response, "D-", COLOURS["exact"]),
+            ("fitted kernel", kernel, "s--", COLOURS["fit"]),
         ):
             axes.plot(offset, 100 * np.asarray(image, dtype=np.float64)[:, column], style, color=colour, label=name)
         axes.set(xlabel="texels from the loaded one, along y", ylabel="force on the texel [% of the load]")
-        axes.legend(frameon=False, fontsize="small")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.legend()
 
     caption = "Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel."
-    plots: dict[str, tuple[str, Draw]] = {"texel-plot": (caption, draw_texels)}
+    plots: dict[str, tuple[str, Draw]] = {"texel-plot": (caption, draw_texel_forces)}
     if spread is None:
         return plots
 
@@ -110,45 +106,29 @@ def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
         radius = np.linspace(0, min(spread.reach, 6 * sensor.cover.thickness), 300)
         gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
         for name, values, style, colour in (
-            ("finite elements", spread.pressure(radius), "-", _COLOURS["fast"]),
-            ("exact layer solution", point_response(sensor.layered_cover, radius), ":", "black"),
-            ("fitted Gaussian (to uniform texel load)", gaussian, "--", _COLOURS["no-spread"]),
+            ("finite elements", spread.pressure(radius), "-", COLOURS["fem"]),
+            ("exact layer solution", point_response(sensor.layered_cover, radius), ":", COLOURS["exact"]),
+            ("fitted Gaussian (to uniform texel load)", gaussian, "--", COLOURS["fit"]),
         ):
             axes.plot(1e3 * radius, 1e-6 * values, style, color=colour, label=name)
         axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm\u00b2]")
-        axes.legend(frameon=False, fontsize="small")
+        axes.legend()
 
     caption = "Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels."
     return plots | {"psf-plot": (caption, draw_pressure)}
 
 
 def draw_campaign(campaign: CampaignResult, axes: Axes) -> None:
-    """Draw the misplaced force of every scored model in every case of a campaign as bars."""
-    places, width = np.arange(len(campaign.cases)), 0.8 / len(campaign.models)
-    for k, model in enumerate(campaign.models):
+    """Draw the misplaced force of every scored model in every case of a campaign as marks on a logarithmic scale."""
+    for model, marker in zip(campaign.models, "osD^v", strict=False):
         shares = [100 * result.predictions[model].score.misplaced_force for result in campaign.cases]
-        axes.bar(places + (k + 0.5) * width - 0.4, shares, width, color=_COLOURS[model], label=model)
-    axes.set_xticks(places, [result.case.name for result in campaign.cases], rotation=35, ha="right")
+        axes.semilogy(range(len(shares)), shares, marker, color=COLOURS[model], label=model)
+    names = [result.case.name for result in campaign.cases]
+    axes.set_xticks(range(len(names)), names, rotation=35, ha="right", rotation_mode="anchor")
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylabel("misplaced force [% of the load]")
-    axes.legend(frameon=False, fontsize="small", ncols=len(campaign.models), loc="lower left", bbox_to_anchor=(0, 1))
-
-
-def find_outline(array: TexelArray, result: CaseResult) -> FloatArray | None:
-    """Return the convex hull of the contact area of the reference in one case, to be drawn over its tactile image.
-
-    Returns:
-        Corners (x, y) in the array's frame, shape (m, 2) [m]; None for an array that is not planar.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    if not array.planar:
-        return None
-    found = result.reference.found
-    points = found.contact_points[found.contact_forces.any(axis=1), :2]
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # Fewer than three cells are in contact, or all of them lie on one line.
-        return np.asarray(points)
+    axes.grid(axis="y", linewidth=0.4, alpha=0.5)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
 
 
 @singledispatch
@@ -175,7 +155,7 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
 
         for index, result in enumerate(results[:_MOST_PICTURES]):
             case, name = result.case, f"case-{index + 1:02d}.png"
-            title = f"{case.name}: {case.shape}, {case.load:.3g} N"
+            title = f"{case.name}: {describe_indenter(case.shape)}, {case.load:.3g} N"
             scene = show_indentation(
                 result.reference.found, derivation.sensor.array, direction=case.pose.towards, title=title
             )
@@ -243,19 +223,18 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> None:
 
     The figure shows the plots of the responses, and the forces under a uniform load on one texel, row 0 below.
     """
+    plots = plot_responses(derivation).values()
+    array, cover = derivation.sensor.array, derivation.sensor.cover
+    peak = float(derivation.texel_response_uniform.max())
+    layers = " + ".join(f"{1e3 * layer.thickness:.3g} mm {layer.material.name}" for layer in cover.layers)
     try:
-        from matplotlib.figure import Figure
+        with open_figure(folder / f"psf.{picture}", height=2.8) as figure:
+            *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
+            for (_, draw), each in zip(plots, axes, strict=True):
+                draw(each)
+            scale = Scale(peak=peak, factor=100)
+            drawn = draw_texels(image, array, derivation.texel_response_uniform.ravel(), scale)
+            figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
+            figure.suptitle(f"{derivation.sensor.name} under {layers}{' (assumed)' if cover.assumed else ''}")
     except ImportError:
         _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
-        return
-    plots = plot_responses(derivation).values()
-    figure = Figure(figsize=(12, 4), layout="constrained")
-    *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
-    for (_, draw), each in zip(plots, axes, strict=True):
-        draw(each)
-    drawn = image.imshow(100 * derivation.texel_response_uniform, origin="lower", cmap="viridis")
-    figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
-    image.set(xlabel="column", ylabel="row")
-    label = " (assumed cover)" if derivation.sensor.cover.assumed else ""
-    figure.suptitle(f"{derivation.sensor.name}{label}")
-    figure.savefig(folder / f"psf.{picture}", dpi=150)

@@ -12,6 +12,7 @@ from meshes.array_types import FloatArray
 from validation.errors import InputError, refuse_existing
 from validation.extras import require
 from validation.output_folder import write_text
+from validation.render.figure import COLOURS, COLUMN, open_figure
 
 #: Smallest and largest strain at which the curve of a rubber is drawn [-].
 _RUBBER_STRAIN = (-0.5, 1.0)
@@ -73,16 +74,16 @@ def write_curve(material: Material, path: Path) -> None:
         write_text(path, "\n".join(["strain,nominal_stress_Pa", *lines]) + "\n")
         return
     require("matplotlib")
-    from matplotlib.figure import Figure
-
     low, high = (end / material.youngs_modulus for end in material.modulus_range)
     factor, unit = (1e-3, "kPa") if np.abs(stress).max() < 1e6 else (1e-6, "MPa")  # noqa: PLR2004
-    figure = Figure(figsize=(6, 4), layout="constrained")
-    axes = figure.subplots()
-    axes.fill_between(100 * strain, factor * low * stress, factor * high * stress, alpha=0.2, label="range of sources")
-    axes.plot(100 * strain, factor * stress, label=material.model)
-    axes.axhline(0, color="grey", linewidth=0.6)
-    axes.axvline(0, color="grey", linewidth=0.6)
-    axes.set(xlabel="strain [%]", ylabel=f"nominal stress [{unit}]", title=f"{material.name}, uniaxial")
-    axes.legend(frameon=False)
-    figure.savefig(path, dpi=150)
+    with open_figure(path, width=COLUMN, height=2.6) as figure:
+        axes = figure.subplots()
+        strain, stress = 100 * strain, factor * stress
+        axes.fill_between(
+            strain, low * stress, high * stress, alpha=0.25, lw=0, color=COLOURS["fem"], label="range of sources"
+        )
+        axes.plot(strain, stress, color=COLOURS["fem"], label=f"{material.model} at the stated modulus")
+        axes.axhline(0, color="grey", linewidth=0.6)
+        axes.axvline(0, color="grey", linewidth=0.6)
+        axes.set(xlabel="strain [%]", ylabel=f"nominal stress [{unit}]", title=f"{material.name}, uniaxial")
+        axes.legend()

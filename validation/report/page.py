@@ -26,22 +26,22 @@ from validation.credibility.evidence import GROUP_METRICS, Evidence
 from validation.credibility.stages import STAGES
 from validation.credibility.uncertainty import ComparisonError, find_missing_range
 from validation.credibility.verification import Check, Convergence
-from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores, find_best_null
+from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores, find_difference
 from validation.data_sets.score import FAST
 from validation.derivation.base import Derivation
 from validation.extras import REPORT_MODULES, require
 from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
 from validation.pooling import Pooled
-from validation.render.image import Scale, colour_bar, tactile_image
+from validation.render.image import Scale, colour_bar, find_outline, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
-from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
+from validation.report.figures import Pictures, draw_campaign, draw_cases, plot_responses, render_svg
 from validation.results import Column, columns
-from validation.verdict import SHOWN
+from validation.text.indenter import describe_indenter
+from validation.verdict import SHOWN, Finding
 
-#: Name of the division of recordings whose score is shown at the top of the page.  Its parameters are fitted to light
-#: weights and scored on heavy ones, because only a model, and no table of measured values, extrapolates.
-_TILE_SPLIT = "heavier"
+#: Largest number of requirements on the first screen [-].
+_FIRST = 8
 #: Models whose images are shown next to the recorded image; the image of the best null model follows them.
 _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
 
@@ -52,17 +52,28 @@ def contents(evaluation: RecordingEvaluation) -> dict[str, Any]:
     Args:
         evaluation: The results to show.
     """
-    requirements = _tabulate_requirements(evaluation)
+    verdict, recordings = evaluation.verdict, evaluation.recordings
+    # What is not met stands before the means; single cases that meet their limit are not on the first screen.
+    others = [
+        each for each in verdict.findings if each not in verdict.deciding and (each.status, each.cases) != ("met", 1)
+    ]
+    others.sort(key=lambda each: tuple(_STATUS).index(each.status))
+    requirements = _tabulate_requirements(verdict.findings, "requirements")
+    splits = (
+        _show_splits(recordings, evaluation.recorded.array, evaluation.recorded.layered_cover) if recordings else []
+    )
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "sensor": evaluation.sensor,
         "evaluation": evaluation,
-        "verdict": evaluation.verdict,
+        "verdict": verdict,
         "campaign": None,
+        "keys": [(_list_cells(each), _draw_limit(each)) for each in verdict.deciding],
+        "doubts": [each for each in verdict.reasons if each not in {finding.text for finding in verdict.findings}],
+        "first": _tabulate_requirements(others[:_FIRST], "first"),
         "tables": defaultdict(lambda: None, {requirements.name: requirements}),
-        "splits": _show_splits(evaluation.recordings, evaluation.recorded.array, evaluation.recorded.layered_cover)
-        if evaluation.recordings
-        else [],
+        "splits": splits,
+        "picture": _show_recorded(splits[0]) if splits else None,
     }
 
 
@@ -74,6 +85,7 @@ def _show_campaign(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]
         pictures: Pictures of the cases in three dimensions.
     """
     campaign, derivation, evidence = evaluation.campaign, evaluation.derivation, evaluation.evidence
+    cases = [_show_case(evaluation, result, pictures) for result in campaign.cases]
     return {
         "derivation": derivation,
         "result": derivation.result,
@@ -86,9 +98,10 @@ def _show_campaign(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]
         "calibration": describe_calibration(derivation.parameters.electronics),
         "metrics": TABULATED,
         "comparison": describe_comparison(campaign),
-        "tiles": list(_list_tiles(evaluation)),
+        "picture": _show_worst(cases),
+        "floor": _show_floor(campaign),
         "maps": _draw_maps(derivation),
-        "cases": [_show_case(evaluation, result, pictures) for result in campaign.cases],
+        "cases": cases,
         "missing_pictures": pictures.missing,
         "input_list": list_inputs(evidence),
         "limits": name_limits(evidence),
@@ -99,36 +112,39 @@ def _show_campaign(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]
     }
 
 
-def _list_tiles(evaluation: Evaluation) -> Iterator[dict[str, str]]:
-    """Yield the numbers at the top of the page, each with its name and a small line of explanation."""
-    campaign, scores = evaluation.campaign, evaluation.recordings
-    fast, empty = campaign.pooled["fast"], campaign.pooled["zeros"]["image_changed_percent"]
-    misplaced, changed = fast["misplaced_force"], fast["image_changed_percent"]
-    null, floor = campaign.skill["no-spread"], campaign.reference_error
+def _show_worst(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the picture of the first screen: the case with the largest misplaced force."""
+    worst = max(cases, key=lambda each: float(np.nan_to_num(each["error"])))
+    title = f"The largest error of {len(cases)} cases: {worst['case'].name} ({worst['shape']})"
+    return worst | {"title": f"{title}, {worst['misplaced']} % of {worst['case'].load:.3g} N misplaced"}
 
-    def tile(value: str, name: str, small: str) -> dict[str, str]:
-        return {"value": value, "name": name, "small": small}
 
-    found = f"fast model, {len(campaign.cases)} cases, {_interval(misplaced, 100)}"
-    yield tile(f"{100 * misplaced.mean:.3g} %", "of the load misplaced", found)
-    than = f"{_interval(changed, 1)}; an empty image has {empty.mean:.3g} %"
-    yield tile(f"{changed.mean:.3g} %", "image changed", than)
-    yield tile(
-        f"{100 * null.mean:.0f} %", "better than no spread", f"skill in misplaced force, {_interval(null, 100, 2)}"
+def _show_recorded(split: dict[str, Any]) -> dict[str, Any]:
+    """Return the picture of the first screen without a campaign: a recorded image, and that of the fast model."""
+    (recorded, first, _), (name, second, difference), *_ = split["images"]["images"]
+    images = [(recorded, first), (name, second), (f"{name} \u2212 recorded", difference)]
+    example = split["example"]
+    return {"images": images, "bars": split["images"]["bars"], "title": f"{example.case}, {example.load:.2f} N"}
+
+
+def _show_floor(campaign: results.CampaignResult) -> str:
+    """Describe the misplaced force by the simplest model, and the reference's own error, beside the fast model's."""
+    bare, own = 100 * campaign.pooled["no-spread"]["misplaced_force"].mean, results.describe_reference_error(campaign)
+    return f"Without spread of the load the mean is {bare:.3g} %; the finite elements' own error is {own}."
+
+
+def _draw_limit(finding: Finding) -> str:
+    """Draw the value of a requirement with its interval on a line from zero, and the limit, as SVG."""
+    end = 1.15 * max(finding.limit, np.nan_to_num(finding.high), np.nan_to_num(finding.value)) or 1.0
+    low, high, value, limit = (
+        f"{300 * min(max(np.nan_to_num(each) / end, 0.0), 1.0):.1f}"
+        for each in (finding.low, finding.high, finding.value, finding.limit)
     )
-    yield tile(f"{1e3 * evaluation.derivation.sigma:.3g}", "sigma [mm]", "least squares to a uniform texel load")
-    what = f"estimate, share of {results.name_texel_error(campaign.noise_floor)}; mean over cases: the noise floor"
-    yield tile("unknown" if math.isnan(floor) else f"{100 * floor:.2g} %", "reference error", what)
-    if scores is not None and any(row.split == _TILE_SPLIT for row in scores.rows):
-        image = scores.row(_TILE_SPLIT, "fast model").pooled["image_changed_percent"]
-        best = find_best_null([row for row in scores.rows if row.split == _TILE_SPLIT])
-        other = f"({best.model}) has {best.pooled['image_changed_percent'].mean:.3g} %"
-        small = f"light weights to heavy ones, no gains per texel; the best null model {other}"
-        yield tile(f"{image.mean:.3g} %", "image changed, recordings", small)
-
-
-def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
-    return value.describe(f"{{:.{digits}g}}", factor=factor)
+    return (
+        f'<svg class="limit" viewBox="0 0 300 18" aria-hidden="true"><path class="scale" d="M0 9H300"/>'
+        f'<path class="interval" d="M{low} 9H{high}"/><circle cx="{value}" cy="9" r="5"/>'
+        f'<path class="end" d="M{limit} 1V17"/></svg>'
+    )
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
@@ -152,19 +168,21 @@ def _show_case(evaluation: Evaluation, result: results.CaseResult, pictures: Pic
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.max())))
     apart = Scale(peak=float(np.abs(fast - reference.texel_forces).max()), difference=True)
     shown: tuple[tuple[str, FloatArray, Scale, FloatArray | None], ...] = (
-        ("reference", reference.texel_forces, force, find_outline(array, result)),
-        ("fast", fast, force, None),
-        ("fast \u2212 reference", fast - reference.texel_forces, apart, None),
+        ("finite elements", reference.texel_forces, force, find_outline(array, reference.found)),
+        ("fast model", fast, force, None),
+        ("difference", fast - reference.texel_forces, apart, None),
     )
     return {
         "case": case,
+        "shape": describe_indenter(case.shape),
         "images": [
             (caption, tactile_image(array, values, scale, outline=line, name=f"{case.name}, {caption}, forces"))
             for caption, values, scale, line in shown
         ],
         "bars": colour_bar(force) + colour_bar(apart),
         "picture": pictures.files.get(case.name),
-        "misplaced": TABULATED["misplaced_force"].text(result.predictions["fast"].score.misplaced_force),
+        "error": (error := result.predictions["fast"].score.misplaced_force),
+        "misplaced": TABULATED["misplaced_force"].text(error),
     }
 
 
@@ -173,7 +191,8 @@ def _show_splits(scores: RecordingScores, array: TexelArray, cover: Cover) -> li
     out = []
     for split in dict.fromkeys(row.split for row in scores.rows):
         rows = [row for row in scores.rows if row.split == split]
-        null = find_best_null(rows).model
+        own, best, _ = find_difference(rows)
+        null, fast, least = best.model, *(each.pooled["image_changed_percent"].mean for each in (own, best))
         example = next(example for example in scores.examples if example.split == split)
         parameters: Mapping[str, Any] = {
             FAST + (", texel gains" if row.texel_gains else ""): row.parameters for row in rows if row.model == FAST
@@ -181,6 +200,7 @@ def _show_splits(scores: RecordingScores, array: TexelArray, cover: Cover) -> li
         out.append(
             {
                 "name": split,
+                "finding": f"image changed: fast model {fast:.3g} %, best null model {least:.3g} %",
                 "table": tabulate_recordings(split, rows, null),
                 "null": null,
                 "notes": scores.notes.get(split, ()),
@@ -222,14 +242,16 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
     grey = Scale(peak=peak, unit="grey", factor=1)
     largest = max(float(np.abs(each - recorded).max()) for each in shown.values())
     apart = dataclasses.replace(grey, peak=largest, difference=True)
-    images: list[tuple[str, str, str | None]] = [("recorded", tactile_image(array, recorded, grey), None)]
+    draw = partial(tactile_image, array, values_shown=False)
+    images: list[tuple[str, str, str | None]] = [("recorded", draw(recorded, grey, name="recorded"), None)]
     for name, values in shown.items():
-        images.append((name, tactile_image(array, values, grey), tactile_image(array, values - recorded, apart)))
+        difference = draw(values - recorded, apart, name=f"{name}, difference from the recorded image")
+        images.append((name, draw(values, grey, name=name), difference))
     return {"images": images, "bars": colour_bar(grey) + colour_bar(apart)}
 
 
-#: Printed words for the status of a requirement of the acceptance criterion.
-_STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
+#: Printed words for the status of a requirement of the acceptance criterion, in the order of the first screen.
+_STATUS = {"missed": "missed", "open": "not decided", "met": "met"}
 #: Printed words for two kinds of rows in the table of recordings that are no models of the sensor: null models, such as
 #: an image without force, and the difference between repeated recordings.
 _KINDS = {"null": "null", "floor": "repeatability"}
@@ -255,7 +277,7 @@ def list_tables(evaluation: Evaluation) -> dict[str, Table]:
     """Return the tables of the page by name; tables without rows are left out."""
     campaign, evidence = evaluation.campaign, evaluation.evidence
     found = (
-        _tabulate_requirements(evaluation),
+        _tabulate_requirements(evaluation.verdict.findings, "requirements"),
         _tabulate_models(campaign),
         _tabulate_cases(campaign),
         _tabulate_published(campaign),
@@ -314,29 +336,29 @@ def tabulate_scores(campaign: results.CampaignResult) -> Table:
     return Table(("case", "load", "model", *METRICS), rows)
 
 
-def _tabulate_requirements(evaluation: RecordingEvaluation) -> Table:
-    rows = []
-    for each in evaluation.verdict.findings:
-        metric = SHOWN[each.metric]
-        unit, factor = metric.unit, metric.factor
-        ends = "" if each.low == each.high else f"{factor * each.low:.3g} to {factor * each.high:.3g} {unit}".strip()
-        limit = f"{factor * each.limit:.3g} {unit}".strip()
-        rows.append(
-            [
-                Cell(text=metric.heading, small=each.over),
-                number(each.value, factor, small=ends, unit=unit),
-                Cell(text=limit, value=each.limit),
-                number(each.margin, factor, unit=unit),
-                Cell(text=_STATUS[each.status], bold=each.status != "met"),
-            ]
-        )
+def _tabulate_requirements(findings: Sequence[Finding], name: str) -> Table:
     return Table(
-        name="requirements",
+        name=name,
         caption="Acceptance criterion: every requirement, what was found, and whether it is met",
         headings=("requirement", "found (95 % interval)", "at most", "margin", "status"),
-        rows=rows,
+        rows=[_list_cells(each) for each in findings],
         texts=(4,),
     )
+
+
+def _list_cells(finding: Finding) -> list[Cell]:
+    """Return the cells of a requirement: its metric, what was found, the limit, the margin and the status."""
+    metric = SHOWN[finding.metric]
+    unit, factor = metric.unit, metric.factor
+    ends = f"{factor * finding.low:.3g} to {factor * finding.high:.3g} {unit}".strip()
+    limit = f"{factor * finding.limit:.3g} {unit}".strip()
+    return [
+        Cell(text=metric.heading, small=finding.over),
+        number(finding.value, factor, small="" if finding.low == finding.high else ends, unit=unit),
+        Cell(text=limit, value=finding.limit),
+        number(finding.margin, factor, unit=unit),
+        Cell(text=_STATUS[finding.status], bold=finding.status != "met"),
+    ]
 
 
 def _tabulate_models(campaign: results.CampaignResult) -> Table:

@@ -38,6 +38,10 @@ SHAPES: dict[str, tuple[Any, str]] = {
 }
 #: Shapes by their other names on the command line.
 _ALIASES = {"ball": "sphere"}
+#: Names of shapes for people where the name on the command line is none.
+_WORDS = {"sphere": "ball", "tip": "rounded tip", "h": "letter H", "mesh": "body"}
+#: Parameters whose value says what it is.
+_PLAIN = ("size", "path", "unit")
 #: Largest accepted number of characters of an indenter as text [-]; a prism of a thousand corners has as many.
 _LONGEST = 20_000
 #: Pattern of a comma that separates two parameters of an indenter; commas inside values do not match.
@@ -111,6 +115,24 @@ def read_indenter(text: str, *, place: str = "--indenter") -> meshes.Indenter:
         low, high = (f"{1e3 * size:g}" for size in LIMITS.sizes)
         raise InputError(f"{place}: {1e3 * width:.3g} mm is not a possible width; accepted: {low}..{high} mm")
     return made
+
+
+def describe_indenter(text: str) -> str:
+    """Describe an indenter for people: `sphere:radius=5mm` is "ball, radius 5 mm".
+
+    Args:
+        text: The indenter as `read_indenter` accepts it.
+    """
+    shape, _, rest = text.strip().partition(":")
+    words = [_WORDS.get(shape, shape)]
+    for name, _, value in (part.partition("=") for part in filter(None, _PARAMETER_COMMA.split(rest))):
+        if name.strip() == "points":
+            words.append(f"{value.count('/') + 1} corners")
+            continue
+        # A space before a unit, and a cross between two lengths.
+        spaced = re.sub(r"(?<=\d)([a-z]+)x(?=\d)", " \\1 \u00d7 ", value) if name == "size" else value
+        words.append(("" if name in _PLAIN else f"{name} ") + re.sub(r"(?<=\d)(?=[a-z]+\b)", " ", spaced))
+    return ", ".join(words)
 
 
 def _parameters(shape: str) -> dict[str, _Parameter]:

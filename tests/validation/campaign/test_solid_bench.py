@@ -21,7 +21,7 @@ from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
 from validation.derivation.derive import derive
 from validation.places import find_places
-from validation.report.figures import find_outline
+from validation.render.image import find_outline
 from validation.verdict import judge
 
 TEXT = """
@@ -177,7 +177,7 @@ def test_uncertain_inputs_change_the_image_as_they_should(bench, plan):
 
 def test_the_outline_of_a_contact_is_that_of_the_points_that_bear_force(small_pad, result):
     """The ball of 4 mm touches a small part of the pad of 9 mm."""
-    outline = find_outline(small_pad.array, result.cases[0])
+    outline = find_outline(small_pad.array, result.cases[0].reference.found)
     reach = np.linalg.norm(outline, axis=1).max()
     area = result.cases[0].reference.contact_area
     assert reach < 2.5 * np.sqrt(area / np.pi)

@@ -1,4 +1,4 @@
-"""The page prints the numbers of the evaluation in the rows, columns and tiles that name them."""
+"""The page prints the numbers of the evaluation in the rows and columns that name them."""
 
 import dataclasses
 
@@ -127,22 +127,27 @@ def test_the_section_on_verification_prints_each_estimate_in_percent(page, evalu
         assert float(printed) == pytest.approx(100 * value, rel=0.05), name
 
 
-def test_tiles_print_the_quantities_that_they_name(page, evaluation, recordings):
-    campaign, gaussian = evaluation.campaign, evaluation.derivation.fit.gaussian
-    fast, heavier = campaign.pooled["fast"], recordings.row("heavier", "fast model").pooled["image_changed_percent"]
-    empty, skill = campaign.pooled["zeros"]["image_changed_percent"], campaign.skill["no-spread"]
-    expected = {
-        "of the load misplaced": (100 * fast["misplaced_force"].mean, f"{100 * fast['misplaced_force'].low:.3g}"),
-        "image changed": (fast["image_changed_percent"].mean, f"an empty image has {empty.mean:.3g} %"),
-        "better than no spread": (100 * skill.mean, f"{100 * skill.high:.2g}"),
-        "sigma [mm]": (3.4 * gaussian.sigma_x, "uniform texel load"),
-        "reference error": (100 * ESTIMATES["peak_texel"], "peak texel"),
-        "image changed, recordings": (heavier.mean, "the best null model"),
-    }
-    assert {name for _, name, _ in page.tiles} == set(expected)
-    for value, name, small in page.tiles:
-        assert float(value.removesuffix("%")) == pytest.approx(expected[name][0], rel=0.05), name
-        assert expected[name][1] in small, name
+def test_the_first_screen_prints_the_requirement_that_decides(page, evaluation):
+    """Two cases decide nothing, so that the first undecided mean stands there, with the simplest model beside it."""
+    finding = next(each for each in evaluation.verdict.findings if each.status == "open")
+    ((value, words),) = page.keys
+    assert evaluation.verdict.deciding == (finding,)
+    assert is_printed(value.removesuffix(" %"), 100 * finding.value)
+    bare = 100 * evaluation.campaign.pooled["no-spread"]["misplaced_force"].mean
+    parts = (
+        f"misplaced force, {finding.over};",
+        f"at most {100 * finding.limit:.3g} % required",
+        f"the mean is {bare:.3g} %",
+        f"own error is {100 * ESTIMATES['peak_texel']:.2g} % of the peak texel",
+    )
+    assert [part for part in parts if part not in words] == []
+
+
+def test_the_first_screen_lists_what_is_not_met_and_counts_the_rest(page, evaluation):
+    _, *rows = page.tables["first"]
+    findings = [each for each in evaluation.verdict.findings if each not in evaluation.verdict.deciding]
+    assert [row[-1][1] for row in rows] == [["not decided"]] * 8
+    assert [float(row[1][0]) for row in rows] == [each.value for each in findings[:8]]
 
 
 def test_the_tables_of_recordings_print_the_row_that_they_name(page, recordings):

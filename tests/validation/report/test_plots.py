@@ -66,14 +66,24 @@ def test_a_picture_shows_the_plots_and_the_image_of_a_load_on_one_texel(wts_deri
     assert "% of the load" in colours.get_ylabel()
 
 
-def test_the_bars_of_a_campaign_stand_for_misplaced_forces():
+def test_the_marks_of_a_campaign_stand_for_misplaced_forces():
     score = [SimpleNamespace(score=SimpleNamespace(misplaced_force=share)) for share in (0.1, 0.2, 0.3, 0.4)]
     cases = [
         SimpleNamespace(case=SimpleNamespace(name=name), predictions={"fast": score[i], "zeros": score[i + 1]})
         for name, i in (("a", 0), ("b", 2))
     ]
     axes = draw(partial(draw_campaign, SimpleNamespace(cases=cases, models=("fast", "zeros"))))
-    fast, zeros = axes.containers
-    assert [bar.get_height() for bar in fast] == pytest.approx([10, 30])
-    assert [bar.get_height() for bar in zeros] == pytest.approx([20, 40])
+    fast, zeros = axes.lines
+    assert fast.get_ydata() == pytest.approx([10, 30])
+    assert zeros.get_ydata() == pytest.approx([20, 40])
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
+
+
+def test_a_name_from_a_stranger_is_text():
+    """Neither mathematics nor markup: the name of a case stands in the figure as it is."""
+    name = r"<!--<script>alert(1)</script> $\foo$ & \u2028"
+    score = SimpleNamespace(score=SimpleNamespace(misplaced_force=0.1))
+    case = SimpleNamespace(case=SimpleNamespace(name=name), predictions={"fast": score})
+    svg = render_svg(partial(draw_campaign, SimpleNamespace(cases=[case], models=("fast",))))
+    assert "<script" not in svg
+    assert r"&lt;!--&lt;script&gt;alert(1)&lt;/script&gt; $\foo$ &amp;" in svg

@@ -174,7 +174,7 @@ def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
 def _print_comparison(comparison: Comparison) -> None:
     """Print one press: images of the texel forces of the chosen models, their results and their scores."""
     from validation.cli.heat_map import draw_force_images
-    from validation.press_files import list_images
+    from validation.press_picture import list_images
     from validation.sensor_file import SensorDescription
 
     console = output.make_console()
@@ -192,7 +192,7 @@ def _print_comparison(comparison: Comparison) -> None:
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Yield the printed results of a press as pairs (name, text): each model, and the scores if both are computed."""
     from validation.metrics import TABULATED
-    from validation.press_files import describe_force
+    from validation.press_picture import describe_force
 
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:

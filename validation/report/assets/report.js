@@ -23,4 +23,27 @@ for (const header of document.querySelectorAll("table.sortable thead th")) {
   header.addEventListener("click", () => sortBy(header));
   header.addEventListener("keydown", (event) => { if (event.key === "Enter") sortBy(header); });
 }
+// Sections unfold for a link into them, for the button, and for printing; after printing they are as they were.
+const sections = [...document.querySelectorAll("details")];
+function unfoldTarget() {
+  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  if (!target) return;
+  for (let each = target; each; each = each.parentElement) if (each.tagName === "DETAILS") each.open = true;
+  target.scrollIntoView();
+}
+const button = document.getElementById("unfold");
+button.hidden = false;
+button.addEventListener("click", () => {
+  const open = sections.some((each) => !each.open);
+  for (const each of sections) each.open = open;
+  button.textContent = open ? "Fold all sections" : "Unfold all sections";
+});
+let folded = [];
+addEventListener("beforeprint", () => {
+  folded = sections.filter((each) => !each.open);
+  for (const each of folded) each.open = true;
+});
+addEventListener("afterprint", () => { for (const each of folded) each.open = false; });
+addEventListener("hashchange", unfoldTarget);
+unfoldTarget();
 document.documentElement.dataset.ready = "true";

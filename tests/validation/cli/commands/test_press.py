@@ -7,7 +7,7 @@ import pytest
 
 import fastmodel
 from fem_reference.finite_strain.contact_problem import PathSettings
-from validation.press_files import describe_force
+from validation.press_picture import describe_force
 
 
 def test_both_models_carry_the_load_and_are_scored(softcover):

@@ -1,0 +1,96 @@
+"""One style for all figures: sizes that a two-column paper prints, and colours that colour-blind readers tell apart.
+
+The colours of lines are those of M. Okabe and K. Ito, "Color Universal Design" (2008).  Texel values have the colours
+of `validation.render.image`, so that a figure and the report's page show one value in one colour.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from meshes.array_types import FloatArray
+from validation.render.image import MASKED, Scale
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+    from meshes import TexelArray
+
+#: Width of a figure across both columns of a paper, and across one column [inches].
+PAGE, COLUMN = 7.2, 3.5
+#: Colour of each kind of result in all figures.
+COLOURS = {
+    "fem": "#0072b2", "fast": "#d55e00", "exact": "#000000", "fit": "#009e73", "foundation": "#56b4e9",
+    "boxes": "#cc79a7", "no-spread": "#e69f00", "zeros": "#8a8f98",
+}  # fmt: skip
+COLOURS |= {"gaussian": COLOURS["foundation"], "rigid": COLOURS["boxes"]}
+#: Colours of layers from bottom to top, of indenters, and of the line around a contact area.
+LAYERS, INDENTER, OUTLINE = ("#d8cfc0", "#b5cde0", "#cfe0b8", "#e6c8d4"), "#7d8794", "#ff5da2"
+#: Settings of matplotlib.  Names may come from strangers, so that text is never read as mathematics.
+_STYLE: dict[Any, Any] = {
+    "font.size": 8, "axes.titlesize": 8, "axes.labelsize": 8, "legend.fontsize": 7, "xtick.labelsize": 7,
+    "ytick.labelsize": 7, "figure.titlesize": 9, "lines.linewidth": 1.2, "lines.markersize": 4,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6, "legend.frameon": False, "text.parse_math": False, "svg.fonttype": "none",
+}  # fmt: skip
+#: Resolution of a figure in pixels [1/inch].
+_DPI = 200
+#: Largest number of marks along one edge of a tactile image [-].
+_MARKS = 7
+
+
+@contextlib.contextmanager
+def open_figure(target: Path | IO[str], *, height: float, width: float = PAGE, **options: Any) -> Iterator[Figure]:  # noqa: ANN401
+    """Open a figure in the style of all figures, and save it at the end of the `with` block.
+
+    Args:
+        target: File to write.
+        height: Height of the figure [inches].
+        width: Width of the figure [inches].
+        **options: Further options of matplotlib's `savefig`.
+
+    Raises:
+        ImportError: If matplotlib is not installed.
+        OSError: If the file cannot be written.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.savefig(target, dpi=_DPI, **options)
+
+
+def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str = "") -> AxesImage:
+    """Draw the values of an array as an image in the colours of a scale, row 0 at the bottom; texels are counted.
+
+    Args:
+        axes: Axes to draw into.
+        array: The n texels.
+        values: Value of each texel, shape (n,).
+        scale: Colour scale of the image; its factor applies to the values.
+        title: Text above the image.
+    """
+    from matplotlib.colors import LinearSegmentedColormap
+
+    shown = np.where(array.active, scale.factor * np.asarray(values, dtype=np.float64), np.nan)
+    colours = LinearSegmentedColormap.from_list("texels", scale.colours).with_extremes(bad=MASKED)
+    peak = scale.factor * scale.peak or 1.0
+    drawn = axes.imshow(
+        array.image(shown), origin="lower", aspect=array.pitch[1] / array.pitch[0], cmap=colours,
+        vmin=-peak if scale.difference else 0.0, vmax=peak,
+    )  # fmt: skip
+    for axis, count in ((axes.xaxis, array.columns), (axes.yaxis, array.rows)):
+        axis.set_ticks(range(0, count, math.ceil(count / _MARKS)))
+    axes.set(title=title, xlabel="column", ylabel="row")
+    return drawn
