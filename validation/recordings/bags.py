@@ -46,14 +46,12 @@ class _Limits:
 
     Attributes:
         size: Size of a bag with all its files [bytes].
-        files: Number of files of a bag [-].
         metadata: Size of the metadata in YAML, which is parsed slowly [bytes].
         memory: Memory that reading a bag may add, besides a multiple of its size [bytes].
         memory_ratio: Memory that reading a bag may add for each byte of the bag [-].
     """
 
     size: int = 2**32
-    files: int = 1000
     metadata: int = 2**18
     memory: int = 400 * 2**20
     memory_ratio: int = 4
@@ -269,7 +267,7 @@ def _measure_bag(path: Path) -> int:
         RecordingError: If the bag is missing, too large, or holds something else than regular files.
     """
     try:
-        found = list(itertools.islice(path.iterdir(), _LIMITS.files + 1)) if path.is_dir() else [path]
+        found = list(itertools.islice(path.iterdir(), recording.LIMITS.files + 1)) if path.is_dir() else [path]
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}; expected a ROS bag") from error
     sizes = {}
@@ -279,10 +277,10 @@ def _measure_bag(path: Path) -> int:
                 sizes[file.name] = os.fstat(opened.fileno()).st_size
     metadata = path / "metadata.yaml"
     too_slow = sizes.get(metadata.name, 0) > _LIMITS.metadata
-    if len(found) > _LIMITS.files or sum(sizes.values()) > _LIMITS.size or too_slow:
+    if len(found) > recording.LIMITS.files or sum(sizes.values()) > _LIMITS.size or too_slow:
         raise RecordingError(
-            f"{path}: too large; accepted: {format_size(_LIMITS.size)} in {_LIMITS.files} files, metadata.yaml of "
-            f"{format_size(_LIMITS.metadata)}"
+            f"{path}: too large; accepted: {format_size(_LIMITS.size)} in {recording.LIMITS.files} files, "
+            f"metadata.yaml of {format_size(_LIMITS.metadata)}"
         )
     if metadata.name in sizes:
         # The time that the parser of YAML needs grows with the square of the depth of brackets.

@@ -13,7 +13,7 @@ from meshes import TexelArray
 from meshes.array import MOST_TEXELS
 from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
-from validation.recordings.recording import NANOSECOND, Recording, RecordingError, Setup
+from validation.recordings.recording import NANOSECOND, Recording, RecordingError, Setup, limit_time
 
 #: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
@@ -62,17 +62,18 @@ def open_recording(
         raise RecordingError(f"--topic: {path} has no topics; leave the option out")
     if axis is not None and kind != ".csv":
         raise RecordingError(f"--axis: {path} has one count per texel; leave the option out")
-    match kind:
-        case ".dsa":
-            return dsa.read(path)
-        case ".csv":
-            return tables.read(path, rows=rows, columns=columns, sensor=sensor, axis=axis)
-        case ".mcap" if topic is None and mcap_reader.is_own_recording(path):
-            return mcap_reader.read(path)
-        case suffix if suffix in {".mcap", ".bag", ".db3"} or path.is_dir():
-            return bags.read(path, topic=topic, rows=rows, columns=columns)
-        case _:
-            raise RecordingError(f"{path}: not a recording; {ACCEPTED}")
+    with limit_time(path):
+        match kind:
+            case ".dsa":
+                return dsa.read(path)
+            case ".csv":
+                return tables.read(path, rows=rows, columns=columns, sensor=sensor, axis=axis)
+            case ".mcap" if topic is None and mcap_reader.is_own_recording(path):
+                return mcap_reader.read(path)
+            case suffix if suffix in {".mcap", ".bag", ".db3"} or path.is_dir():
+                return bags.read(path, topic=topic, rows=rows, columns=columns)
+            case _:
+                raise RecordingError(f"{path}: not a recording; {ACCEPTED}")
 
 
 def list_modules(paths: Iterable[str | Path]) -> tuple[str, ...]:
@@ -105,7 +106,8 @@ def add_forces(recording: Recording, path: str | Path, *, delay: float = 0.0) ->
         RecordingError: If the file cannot be read, or the times of its readings do not cover those of the frames.
     """
     path = Path(path)
-    times, forces = tables.read_forces(path) if path.suffix.lower() == ".csv" else bags.read_forces(path)
+    with limit_time(path):
+        times, forces = tables.read_forces(path) if path.suffix.lower() == ".csv" else bags.read_forces(path)
     if times[0] > _EPOCH_TIMES:
         times = times - recording.started.timestamp()
     times = times - delay

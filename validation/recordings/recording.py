@@ -6,8 +6,12 @@ readings of a force sensor and a `Setup`, which states how the recording was mad
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Mapping, Sequence
+import itertools
+import signal
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -50,12 +54,18 @@ class Limits:
         records: Number of records that may be unpacked, besides one for each byte of the file [-].  Reading this number
             takes seconds.
         message: Memory that a kept message takes besides its data [bytes].
+        files: Number of files of a bag [-].
+        seconds: Processor time to read a recording, besides that for its size [s].
+        rate: Bytes of the file for which another second is granted [bytes / s].  Readers are at least ten times faster.
     """
 
     kept: int = 2**28
     ratio: int = 64
     records: int = 2**17
     message: int = 300
+    files: int = 1000
+    seconds: float = 5.0
+    rate: int = 2**14
 
 
 LIMITS = Limits()
@@ -348,6 +358,36 @@ def open_recorded(path: Path) -> IO[bytes]:
         raise RecordingError(f"{path}: {error.strerror}; expected a recording") from error
     except FileLimitError as error:
         raise RecordingError(f"{path}: {error}") from None
+
+
+@contextlib.contextmanager
+def limit_time(path: Path) -> Iterator[None]:
+    """Limit the processor time to read a recording, by a timer of the operating system.
+
+    The limit holds for content unpacked by any library, in the main thread and where there are timers (not on Windows).
+
+    Args:
+        path: The file or folder.
+
+    Raises:
+        RecordingError: If reading takes longer than the limit for a recording of its size.
+    """
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    files = itertools.islice(path.iterdir(), LIMITS.files) if path.is_dir() else [path]
+    seconds = LIMITS.seconds + sum(file.stat().st_size for file in files if file.exists()) / LIMITS.rate
+
+    def stop(*_: object) -> None:
+        raise RecordingError(f"{path}: takes more than the {seconds:.0f} s of processor time accepted for its size")
+
+    earlier = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)  # again each second, as libraries may swallow an exception
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, earlier)
 
 
 class Budget:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterator
+from pathlib import PureWindowsPath
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
@@ -61,11 +62,20 @@ def _check_window(value: list[float]) -> tuple[float, float]:
     return value[0], value[1]
 
 
+def _check_below(value: str) -> str:
+    """Refuse a path or pattern that is absolute or holds `..`, on any system: the command line names folders."""
+    path = PureWindowsPath(value)  # it knows `/`, too
+    if path.anchor or ".." in path.parts:
+        raise ValueError(f"must lie below the folder of the file, not {shorten(value)}; or name it with --recordings")
+    return value
+
+
 def _read_selection(value: object, read_table: Callable[[Any], Any]) -> Any:  # noqa: ANN401 -- a table
     return read_table({"series": value} if isinstance(value, str) else value)
 
 
 _Text = Annotated[str, Field(strict=True)]
+_Path = Annotated[str, Field(strict=True), AfterValidator(_check_below)]
 _Load = Annotated[float, types.Read(_read_load)]
 _AnyLoad = Annotated[float | str, types.Read(lambda value: value if value in (LABELS, FORCE) else _read_load(value))]
 _Position = Annotated[tuple[float, float] | str, _fitted_or_pair("length", '["1.7 mm", "-3.4 mm"]')]
@@ -73,6 +83,7 @@ _Tilt = Annotated[tuple[float, float] | str, _fitted_or_pair("angle", '["1 deg",
 _Yaw = Annotated[float | str, types.Read(lambda value: FITTED if value == FITTED else read_quantity(value, "angle"))]
 _Window = Annotated[list[float], AfterValidator(_check_window)]
 _Texts = Annotated[tuple[str, ...], types.OneOrMore(), Field(max_length=types.LIMITS.entries)]
+_Patterns = Annotated[tuple[_Path, ...], types.OneOrMore(), Field(max_length=types.LIMITS.entries)]
 _Uses = Annotated[tuple[Annotated[str, types.choice("fit", "score")], ...], types.OneOrMore()]
 
 
@@ -97,7 +108,7 @@ class CommonKeys(Table):
     load: _AnyLoad | None = None
     array: Annotated[int, types.number(0, 1000, whole=True)] | None = None
     threshold: Annotated[float, types.number(0, 1e9)] | None = None
-    zero: _Text | None = None
+    zero: _Path | None = None
     window: _Window | None = None
     temperature_channel: Annotated[int, types.number(-1000, 1000, whole=True)] | None = None
     at: _Position | None = None
@@ -117,7 +128,7 @@ class FileTable(Table):
         placement: Name of the placement; recordings with the same name share a pose.
     """
 
-    path: str = Field(examples=["press1.csv"])
+    path: _Path = Field(examples=["press1.csv"])
     load: _AnyLoad | None = None
     temperature: float | None = None
     at: _Position | None = None
@@ -138,7 +149,7 @@ class SeriesTable(CommonKeys):
     """
 
     name: str = Field(examples=["room"])
-    files: _Texts = ()
+    files: _Patterns = ()
     file: Annotated[tuple[FileTable, ...], Field(max_length=types.LIMITS.entries)] = ()
     loads: dict[str, _Load] = Field(default_factory=dict)
     placement: str | None = None
@@ -200,7 +211,7 @@ class DataSetTables(CommonKeys):
         name: Name of the data set; the name of the file when left out.
         source: Publication of the recordings.
         sensor: Sensor file or built-in sensor that made the recordings.
-        path: Folder of the recordings, relative to the folder of the file.
+        path: Folder of the recordings, below the folder of the file.
         required: Requirements on the scores, which replace those of the campaign.
     """
 
@@ -211,7 +222,7 @@ class DataSetTables(CommonKeys):
     name: str | None = None
     source: str = ""
     sensor: str | None = None
-    path: str | None = None
+    path: _Path | None = None
     required: RecordingLimitsTable = RecordingLimitsTable()
 
     def list_faults(self) -> Iterator[tuple[str, str]]:

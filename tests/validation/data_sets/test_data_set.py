@@ -1,6 +1,7 @@
 """Data-set files: what is read, which faults stop, and which cost a series, a file or a split only."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -252,13 +253,26 @@ def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path):
     assert write_data_set(tmp_path, HEAD + series % ("B", "b", '"b*" = "2 N"', "score")).splits == ()
 
 
-def test_patterns_stay_below_the_folder_of_the_recordings(tmp_path):
-    """A pattern such as `../../**/*` would list the whole disk."""
+@pytest.mark.parametrize("place", ["/etc", "../out", "in/../../out", "C:/out", "..\\\\out"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        'path = "{}"\n[[series]]\nname = "a"\nfiles = "*.csv"',
+        'zero = "{}/a.csv"\n[[series]]\nname = "a"\nfiles = "*.csv"',
+        '[[series]]\nname = "a"\nfiles = ["*.csv", "{}/**/*"]',
+        '[[series]]\nname = "a"\nfile = [{{ path = "{}/a.csv" }}]',
+    ],
+)
+def test_every_path_of_a_file_lies_below_its_folder(tmp_path, monkeypatch, place, text):
+    """Whoever runs the command names folders; a file from a stranger must not have the disk walked or read."""
     (tmp_path / "in").mkdir()
-    record(tmp_path / "out.csv")
-    found = write_data_set(tmp_path, HEAD + '[[series]]\nname = "a"\nfiles = ["../*.csv"]\n', tmp_path / "in")
-    assert not found.files
-    assert "files: '../*.csv' leads out of" in found.problems[0]
+    record(tmp_path / "in" / "a.csv")
+    (tmp_path / "in" / "set.toml").write_text(HEAD + text.format(place))
+    monkeypatch.setattr(Path, "glob", lambda *_: pytest.fail("a folder was walked"))
+    with pytest.raises(
+        InputError, match=r"must lie below the folder of the file, not .*; or name it with --recordings"
+    ):
+        find_data_set(data_set=tmp_path / "in" / "set.toml")
 
 
 def test_other_toml_files_beside_the_recordings_do_not_stop_the_search(tmp_path):

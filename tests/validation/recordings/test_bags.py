@@ -3,10 +3,13 @@
 import contextlib
 import os
 import resource
+import signal
 import sqlite3
 import struct
 import subprocess
 import sys
+import time
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,6 +21,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tests.support.ros_bags import COUNTS, write_bag
 from validation.recordings import RecordingError, bags
+from validation.recordings import recording as recordings
 from validation.recordings.importing import add_forces, open_recording
 from validation.recordings.mcap_writer import encode
 
@@ -129,14 +133,27 @@ def text(value):
     return struct.pack("<I", len(value)) + value
 
 
-def write_mcap_bomb(path):
-    """Write an MCAP file of another program, whose only chunk unpacks to `BOMB` bytes."""
+def write_mcap_bomb(path, content=None):
+    """Write an MCAP file of another program, whose only chunk unpacks to `BOMB` zeros, or to the given bytes."""
     schema = record(3, struct.pack("<H", 1) + text(b"x/msg/Y") + text(b"ros2msg") + text(b"uint8 a"))
     channel = record(4, struct.pack("<HH", 1, 1) + text(b"/pad") + text(b"cdr") + text(b""))
-    packed = pack_zeros(BOMB)
-    chunk = record(6, struct.pack("<QQQI", 0, 1, BOMB, 0) + text(b"zstd") + struct.pack("<Q", len(packed)) + packed)
+    size = BOMB if content is None else len(content)
+    packed = pack_zeros(BOMB) if content is None else zstandard.compress(content)
+    chunk = record(6, struct.pack("<QQQI", 0, 1, size, 0) + text(b"zstd") + struct.pack("<Q", len(packed)) + packed)
     head, end = b"\x89MCAP0\r\n", record(15, bytes(4)) + record(2, bytes(20))
     path.write_bytes(head + record(1, text(b"ros2") + text(b"other")) + schema + channel + chunk + end + head)
+
+
+def test_reading_ends_at_the_limit_of_its_time_and_leaves_no_timer(tmp_path, monkeypatch):
+    """A chunk of millions of empty records: a library reads them for minutes."""
+    write_mcap_bomb(tmp_path / "slow.mcap", content=bytes(9 * 2**20))
+    monkeypatch.setattr(recordings, "LIMITS", replace(recordings.LIMITS, seconds=0.3))
+    before = signal.getsignal(signal.SIGPROF)
+    started = time.process_time()
+    with pytest.raises(RecordingError, match=r"slow\.mcap: takes more than the \d+ s of processor time accepted"):
+        open_recording(tmp_path / "slow.mcap")
+    assert time.process_time() - started < 3
+    assert (signal.getitimer(signal.ITIMER_PROF)[0], signal.getsignal(signal.SIGPROF)) == (0.0, before)
 
 
 def write_one(path, kind, definition, message, *, times=(5,)):
