@@ -55,11 +55,11 @@ _BISECTIONS = 60
 _LEVELS = (0.01, 0.25, 0.5, 0.75, 0.99)
 #: Electronics whose stages, such as threshold and saturation, are measured one by one.  Every entry of `STAGES` changes
 #: some of these numbers.
-_LINE = Electronics(rate_hz=100.0, sensitivity=500.0, offset=-20.0, output_max=1000, bits=10)
+LINE = Electronics(rate_hz=100.0, sensitivity=500.0, offset=-20.0, output_max=1000, bits=10)
 #: Forces under which the stages of the electronics are measured, one per texel, up to beyond the largest count [N].
 _LOADING = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 1.9, 2.0, 2.1, 3.0)
-#: Measured stages of the electronics by name, as changes of the electronics `_LINE`.
-STAGES: Mapping[str, Mapping[str, Any]] = {
+#: Changes of the electronics `LINE` for each stage, by its name.
+_SINGLE: Mapping[str, Mapping[str, Any]] = {
     "line": {},
     "polynomial": {"characteristic": (-20.0, 700.0, -150.0, 20.0, -2.0, 0.1)},
     "gains of texels": {"gains": tuple(0.7 + 0.05 * texel for texel in range(len(_LOADING)))},
@@ -69,6 +69,8 @@ STAGES: Mapping[str, Mapping[str, Any]] = {
     "force through the cover": {"calibrated": "through the cover, tip 1 mm", "tip_share": 0.8},
     "hysteresis": {"hysteresis_share": 0.4, "hysteresis_width": 0.3},
 }
+#: Measured electronics by name: each stage alone, and all of them, whose order then shows.
+STAGES = {**_SINGLE, "all": {key: each for changes in _SINGLE.values() for key, each in changes.items()}}
 
 
 def measure_characteristic(subject: Subject) -> Readings:
@@ -102,7 +104,7 @@ def measure_stages(subject: Subject) -> Readings:  # noqa: ARG001 -- every exper
     """Measure the counts of each stage of the electronics under fixed forces, and their grey levels."""
     readings: Readings = {}
     for stage, changes in STAGES.items():
-        functions = ChainFunctions(_make_row(replace(_LINE, **changes)), _LINE.rate_hz, spreads=False)
+        functions = ChainFunctions(_make_row(replace(LINE, **changes)), LINE.rate_hz, spreads=False)
         state = functions.settle(np.zeros(len(_LOADING)))
         outputs: dict[str, list[float]] = {}
         for name, share in (("loading", 1.0), ("unloading", 0.7)):
@@ -280,6 +282,20 @@ def find_origin(array: TexelArray) -> FloatArray:
     return np.zeros(3) if array.planar else array.centres[array.middle]
 
 
+def face(array: TexelArray, texel: int, *, origin: FloatArray, at: tuple[float, float], yaw: float) -> Pose:
+    """Return the pose of an indenter that moves along the normal of a texel.
+
+    Args:
+        array: The array.
+        texel: Index of the texel.
+        origin: Reference point of `at`, shape (3,) [m].
+        at: Position of the axis along the tangent axes of the texel [m].
+        yaw: Rotation of the indenter [rad].
+    """
+    point = origin + np.array(at) @ tangent_axes(array.normals)[texel]
+    return Pose.facing(point, -array.normals[texel], spin=yaw)
+
+
 def press_letter(subject: Subject) -> Readings:
     """Press the H-shaped indenter on the sensor, by every contact method that its parameters allow."""
     array = subject.parameters.array
@@ -297,6 +313,21 @@ def press_ball(subject: Subject) -> Readings:
         origin=array.centres[array.middle],
         at=(_BESIDE[0] * array.pitch[0], _BESIDE[1] * array.pitch[1]),
         among=AREA_METHODS,
+    )
+
+
+def press_edge(subject: Subject) -> Readings:
+    """Press the ball on the outer edge of the last texel, where much of the force lies outside the array."""
+    array = subject.parameters.array
+    last = int(np.flatnonzero(array.active)[-1])
+    return _press(
+        subject.parameters,
+        Sphere(radius=_BALL * min(array.pitch)),
+        load=LETTER_PRESSURE * float(np.prod(array.pitch)),
+        origin=array.centres[last],
+        at=(0.4 * array.pitch[0], 0.0),
+        among=AREA_METHODS,
+        texel=last,
     )
 
 
@@ -329,12 +360,16 @@ def measure_spread(subject: Subject) -> Readings:
     }
 
 
-def make_oblong() -> Parameters:
-    """Make the parameters of the oblong test array, with a masked texel, under a cover given by formulas."""
+def make_oblong(pitch: tuple[float, float] = _PITCH) -> Parameters:
+    """Make the parameters of the oblong test array, with a masked texel, under a cover given by formulas.
+
+    Args:
+        pitch: Pitch along x and y [m].
+    """
     active = np.ones(_ROWS * _COLUMNS, dtype=bool)
     active[0] = False
-    array = TexelArray.grid(_ROWS, _COLUMNS, _PITCH, active=active, name="oblong")
-    cell = (_PITCH[0] / _CELLS, _PITCH[1] / _CELLS)
+    array = TexelArray.grid(_ROWS, _COLUMNS, pitch, active=active, name="oblong")
+    cell = (pitch[0] / _CELLS, pitch[1] / _CELLS)
     rows, columns = (np.arange(_CELLS * count)[:, None] for count in (2 * _ROWS, 2 * _COLUMNS))
     distance = np.sqrt((rows * cell[1]) ** 2 + (columns.T * cell[0]) ** 2 + _NEAR**2)
     return Parameters(
@@ -368,22 +403,23 @@ def _press(
     at: tuple[float, float],
     yaw: float = 0.0,
     among: Container[str] = tuple(METHODS),
+    texel: int | None = None,
 ) -> Readings:
-    """Press an indenter along the normal of the middle texel by several contact methods; return forces and depth.
+    """Press an indenter along the normal of a texel by several contact methods; return forces and depth.
 
     Args:
         parameters: The sensor.
         indenter: The indenter.
         load: Load [N].
         origin: Reference point of `at`, shape (3,) [m].
-        at: Position of the axis along the tangent axes of the middle texel [m].
+        at: Position of the axis along the tangent axes of the texel [m].
         yaw: Rotation of the indenter [rad].
         among: Names of the contact methods.
+        texel: Index of the texel; the middle one when not given.
     """
     readings: Readings = {}
     array = parameters.array
-    tangents, normal = tangent_axes(array.normals)[array.middle], array.normals[array.middle]
-    pose = Pose.facing(origin + np.array(at) @ tangents, -normal, spin=yaw)
+    pose = face(array, array.middle if texel is None else texel, origin=origin, at=at, yaw=yaw)
     for method in (each for each in list_methods(parameters) if each in among):
         pressed = indent(parameters, indenter, load=load, pose=pose, contact=method)
         # The forces are read before the point spread, because quantities of their own measure the spread.

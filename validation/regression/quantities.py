@@ -18,11 +18,16 @@ import numpy.typing as npt
 
 import fastmodel
 from fastmodel import Parameters
-from meshes import Cylinder, Sphere
+from meshes import Cylinder, Pose, Sphere
+from meshes.array_types import FloatArray
+from validation.campaign.campaign_file import Inputs
+from validation.campaign.case import Case
 from validation.campaign.results import CaseResult
+from validation.credibility.uncertainty import compare_quantities
+from validation.metrics import centre_of_pressure, second_moments
 from validation.places import PoseText, find_places
-from validation.regression import experiments
-from validation.regression.reading import Reading, Readings, Subject, Value, find_unit, read
+from validation.regression import experiments, exports, made_up
+from validation.regression.reading import Reading, Readings, Subject, Value, find_unit, list_numbers, read
 from validation.sensor_file import BUILT_IN
 
 if TYPE_CHECKING:
@@ -44,6 +49,8 @@ _DERIVED: Mapping[str, tuple[str, float | str]] = {
 }
 #: Depth of the presses with friction over the thickness of the cover [-].
 _FRICTION_DEPTH = 0.02
+#: Standard uncertainty of measured forces over the force, in the experiment on uncertainties [-].
+_DATA = 0.02
 #: Tolerance of the guarded metrics in their units, see `find_unit`.
 _METRICS: Mapping[str, float] = {
     "misplaced_force": 0.05,
@@ -206,6 +213,51 @@ def measure_friction(subject: Subject) -> Readings:
                 float(np.linalg.norm(np.cross(each.contact_forces, pose.direction), axis=1).sum()) / each.total_force
             ),
         ),
+        "shear outwards": collect("% of load", "1 % of each", lambda each: _measure_outward_shear(each, pose)),
+    }
+
+
+def _measure_outward_shear(found: Indentation, pose: Pose) -> float:
+    """Return the sum of the shear forces on the cover away from the axis of the motion, over the load [-]."""
+    arms = found.contact_points - pose.position
+    arms = arms - np.outer(arms @ pose.towards, pose.towards)
+    distances = np.maximum(np.linalg.norm(arms, axis=1), np.finfo(float).tiny)
+    return float(((found.contact_forces * arms).sum(axis=1) / distances).sum()) / found.total_force
+
+
+def measure_comparison_models(subject: Subject) -> Readings:
+    """Press the H by every model that is compared, and collect its forces and their moments."""
+    if subject.comparison is None:
+        return {}
+    array = subject.parameters.array
+    letter, load, at, yaw = experiments.lay_letter_h(array)
+    pose = experiments.face(array, array.middle, origin=experiments.find_origin(array), at=at, yaw=yaw)
+    found = subject.comparison.compute_models(Case(name="H", indenter=letter, shape="letter-h", load=load, pose=pose))
+    predicted = {**found.models, **found.published}
+
+    def collect(unit: str, tolerance: float | str, take: Callable[[FloatArray, float], object]) -> Reading | None:
+        return read(list_numbers({name: take(*each) for name, each in predicted.items()}), unit, tolerance)
+
+    return {
+        "force on texels": collect("N", "0.2 % of each", lambda forces, _: float(forces.sum())),
+        "force outside": collect("% of load", 0.1, lambda _, outside: outside / load),
+        "largest texel force": collect("mN", "0.5 % of each", lambda forces, _: float(forces.max())),
+        "centre": collect("mm", 0.01, lambda forces, _: centre_of_pressure(forces, array.centres).tolist()),
+        "width": collect("mm", 0.02, lambda forces, _: second_moments(forces, array.centres)),
+    }
+
+
+def measure_uncertainty(subject: Subject) -> Readings:
+    """Collect the standard uncertainties of the comparison of fast model and reference in the first case."""
+    if subject.bench is None or subject.campaign is None or not subject.campaign.cases:
+        return {}
+    result = subject.campaign.cases[0]
+    inputs = subject.bench.propagate(result.case, Inputs(friction=0.0))
+    errors = compare_quantities(subject.parameters.array, result, inputs, _DATA)
+    rows = {each.quantity: [each.u_num, each.u_input, each.u_data] for each in errors}
+    return {
+        "of each quantity": read(list_numbers(rows), "u_num, u_input, u_D in SI", "10 % of each"),
+        "misplaced by each input": read(inputs.misplaced, "%", 0.05),
     }
 
 
@@ -222,6 +274,7 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "spread": experiments.measure_spread,
         "H": experiments.press_letter,
         "ball": experiments.press_ball,
+        "edge": experiments.press_edge,
         "oblong texels": experiments.press_oblong,
         "metric": experiments.score_fixed_images,
         "pooling": experiments.pool_fixed_scores,
@@ -230,6 +283,13 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "reference": measure_reference,
         "accuracy": measure_accuracy,
         "friction": measure_friction,
+        "comparison models": measure_comparison_models,
+        "uncertainty": measure_uncertainty,
+        "data sheet": exports.measure_data_sheet,
+        "export": exports.measure_exports,
+        "verdict": made_up.judge_fixed_scores,
+        "calibration": made_up.calibrate_fixed_recordings,
+        "recordings": made_up.score_fixed_recordings,
     }
 )
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from meshes import TexelArray
 from validation.derivation.derive import Derivation
 
 if TYPE_CHECKING:
+    from validation.campaign.bench import Bench
     from validation.campaign.results import CampaignResult
 
 #: Value of a quantity, in SI units: a number, numbers by label, or an image as rows of numbers by label.  None if the
@@ -47,19 +48,34 @@ class Subject:
     progress: Callable[[int, int, str], None] | None = None
 
     @cached_property
-    def campaign(self) -> CampaignResult | None:
-        """Scores of the fast model in the default list of cases; None for a folder of parameters."""
+    def bench(self) -> Bench | None:
+        """The sensor's fast model and the reference without friction; None for a folder of parameters."""
+        return self._prepare_bench(self.parameters)
+
+    @cached_property
+    def comparison(self) -> Bench | None:
+        """The same with the derived parameters, and with all comparison models, fitted."""
+        return self._prepare_bench(None)
+
+    def _prepare_bench(self, parameters: Parameters | None) -> Bench | None:
         if self.derivation is None:
             return None
         from validation.campaign.bench import prepare_bench
-        from validation.campaign.evaluation import read_plan
-        from validation.campaign.run import run_campaign
 
         sensor = replace(self.derivation.sensor, friction=0.0)
         derivation = replace(self.derivation, sensor=sensor)  # type: ignore[type-var]
-        cases = read_plan(None, sensor).cases
-        bench = prepare_bench(derivation, cases, parameters=self.parameters)
-        return run_campaign(bench, cases, progress=self.progress)
+        return prepare_bench(derivation, (), parameters=parameters)
+
+    @cached_property
+    def campaign(self) -> CampaignResult | None:
+        """Scores of the fast model in the default list of cases; None for a folder of parameters."""
+        if self.derivation is None or self.bench is None:
+            return None
+        from validation.campaign.evaluation import read_plan
+        from validation.campaign.run import run_campaign
+
+        cases = read_plan(None, self.derivation.sensor).cases
+        return run_campaign(self.bench, cases, progress=self.progress)
 
 
 def describe_sensor(name: str, array: TexelArray, *, derived: bool) -> str:
@@ -136,6 +152,33 @@ def _round(number: float, tolerance: float) -> float:
     if not math.isfinite(number) or tolerance <= 0:
         return number
     return round(number, 3 - math.floor(math.log10(tolerance))) + 0.0
+
+
+def list_numbers(tree: object, label: str = "") -> dict[str, list[float]]:
+    """List the finite numbers of nested mappings, sequences and dataclasses by their place, without texts.
+
+    Args:
+        tree: The values; a sequence of numbers is one row.
+        label: Place of the values.
+    """
+    if is_dataclass(tree) and not isinstance(tree, type):
+        tree = {each.name: getattr(tree, each.name) for each in fields(tree)}
+    elif isinstance(tree, np.ndarray | float | int):
+        tree = np.atleast_1d(np.asarray(tree, dtype=np.float64)).tolist()
+    parts: Iterable[tuple[object, object]] = ()
+    if isinstance(tree, Mapping):
+        parts = tree.items()
+    elif not isinstance(tree, list | tuple):
+        return {}
+    elif all(isinstance(each, float | int) for each in tree):
+        return {label: [float(each) for each in tree]} if np.isfinite(tree).all() else {}
+    else:
+        parts = enumerate(tree)
+    return {
+        place: row
+        for name, part in parts
+        for place, row in list_numbers(part, f"{label}, {name}" if label else str(name)).items()
+    }
 
 
 def find_unit(metric: str) -> str:

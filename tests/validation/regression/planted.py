@@ -29,6 +29,11 @@ from fem_reference.small_strain_contact.friction_cells import RubbingContact, Ve
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
 
+#: Groups of quantities that need finite elements.
+WITH_ELEMENTS = (
+    "kernel", "shipped parameters", "reference", "accuracy", "friction", "comparison models", "uncertainty", "recordings",
+)  # fmt: skip
+
 
 def rewrite(monkeypatch, owner, name, old, new):
     """Replace a piece of the source of a function or method, as an edit of the file would."""

@@ -6,13 +6,22 @@ from pathlib import Path
 import pytest
 
 import fastmodel
+from tests.validation.regression.planted import WITH_ELEMENTS
 from validation.regression.baseline import make_baseline, measure_changes, read_baseline
 from validation.regression.quantities import EXPERIMENTS, measure
 from validation.regression.reading import Subject, describe_sensor
 
 ROOT = Path(__file__).parents[3]
+#: Groups that take seconds.
+SLOW = ("calibration", "recordings")
 #: Groups that need no finite elements, and those that the shared derivation has the results for.
-FAST, DERIVED = tuple(EXPERIMENTS)[:13], ("kernel", "shipped parameters")
+FAST, DERIVED = (
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in names]
+    for names in (
+        [name for name in EXPERIMENTS if name not in WITH_ELEMENTS],
+        ["kernel", "shipped parameters", "recordings"],
+    )
+)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth
 from fem_reference import point_spread
-from tests.validation.regression.planted import FRICTION, NEIGHBOURS, REFERENCE, REQUIRED
+from tests.validation.regression.planted import FRICTION, NEIGHBOURS, REFERENCE, REQUIRED, WITH_ELEMENTS
 from validation.campaign import evaluation
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
@@ -22,6 +22,12 @@ from validation.sensor_file import load
 # A warning of the sensors under test would reach the user of `softcover regress`, who can do nothing about it.
 pytestmark = pytest.mark.filterwarnings("error::fastmodel.OptionWarning")
 
+#: Groups that need no finite elements.
+WITHOUT_ELEMENTS = [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "calibration"))
+    for name in EXPERIMENTS
+    if name not in WITH_ELEMENTS
+]
 BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
 
 
@@ -74,7 +80,7 @@ def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
     assert title in find_changes(parameters, group)
 
 
-@pytest.mark.parametrize("group", tuple(EXPERIMENTS)[:13])  # those that need no finite elements
+@pytest.mark.parametrize("group", WITHOUT_ELEMENTS)
 def test_unchanged_is_green(group):
     assert find_changes(healthy_parameters(), group) == {}
 
