@@ -46,6 +46,9 @@ CHANGED: tuple[tuple[str, str], ...] = (
     ("* files.*texels.csv", "press --out writes the forces of the texels for covers of every kind"),
     ("* files.*scores.csv", "a report holds its scores as CSV too"),
     ("* *.solution_verification*.unit", "units are written in one way"),
+    ("* *resolution_on_array*", "two points are separated by the Rayleigh criterion, without steps of a texel"),
+    ("* *two-point separation *texel*", "the same in tables"),
+    ("datasheet *spatial?resolution*", "the same in the data sheet"),
     ("curved-* *.texel_forces*", "texel forces of curved sensors are images of rows and columns"),
 )
 #: Keys that differ from run to run or from machine to machine: times, versions, paths, digests.

@@ -222,8 +222,8 @@ def _list_space(parameters: Parameters) -> Iterator[Entry]:
     yield _make_entry(
         "spatial resolution",
         f"{text}; pitch {' x '.join(f'{1e3 * each:.4g}' for each in array.pitch)} mm",
-        "smallest distance of two equal point loads on the cover, along x, that shows a dip between two "
-        "peaks of texel values wherever the loads lie",
+        "smallest distance of two equal point loads on the cover, along x, between which the force on a texel "
+        "falls to 73.5 % of its peaks (Rayleigh); an image shows the dip from two pitches on",
         "finite elements of the cover (`softcover derive`)",
         {"spatial_resolution_m": separation, "pitch_m": array.pitch},
     )
@@ -357,4 +357,4 @@ def _separate_two_points(parameters: Parameters) -> float | str:
         thickness=0.0 if parameters.surface is None else parameters.surface.thickness,
     )
     found = texel_separation(spread, parameters.array)
-    return found if np.isfinite(found) else "no distance up to twelve pitches shows a dip"
+    return found if np.isfinite(found) else "not separated up to twelve pitches"

@@ -95,12 +95,6 @@ def _middle_response(influence: Influence, grid: TexelArray, load: Literal["poin
     return np.asarray(grid.image(influence.texel_response(grid, load=load)), dtype=np.float64)
 
 
-#: Number of positions of the first load within one pitch of the texels.  All loads lie at multiples of the pitch over
-#: this number [-].
-_ALIGNMENTS = 8
-#: Number of texels on each side of the middle of the long row of texels on which separations are tried: enough for
-#: twelve pitches between the loads [-].
-_HALF_ROW = 24
 #: Smallest relative depth of a dip between two peaks, over the largest value, that counts as a dip [-].  It is above
 #: errors of rounding and interpolation.
 _SMALLEST_DIP = 1e-3
@@ -126,49 +120,41 @@ def two_point_separation(spread: PointSpread) -> float:
     return float(separation[resolved[0]]) if resolved.size else float("nan")
 
 
-def texel_separation(spread: PointSpread, array: TexelArray) -> float:
-    """Compute the smallest distance of two equal point loads along x with a dip of texel values between two peaks.
+#: Force between two peaks, over the peaks, at which two equal points count as separated [-]: the Rayleigh criterion of
+#: a circular aperture (M. Born and E. Wolf, Principles of Optics, 7th edition, section 8.6.2).
+_RAYLEIGH = 0.735
+#: Number of places of a texel within one pitch at which its force is computed [-].
+_PLACES = 64
+#: Largest tried distance of the two loads, over the pitch [-].
+_FARTHEST = 12
 
-    The texels are those of a long row with the array's pitch and texel size, so that the edges of the array have no
-    effect.  The dip must appear at every position of the loads relative to the texels.
+
+def texel_separation(spread: PointSpread, array: TexelArray) -> float:
+    """Compute the smallest distance of two equal point loads along x that one texel, moved between them, separates.
+
+    The force on a texel is a continuous function of its place.  Midway between the loads it must fall to 73.5 % of
+    the peaks, as intensity does by the Rayleigh criterion.  The distance contains the spread by the cover and the size
+    of a texel, but not the sampling by the pitch: an image shows two peaks only if the loads are two pitches apart.
 
     Args:
         spread: The point spread function of the cover.
         array: The array, which gives pitch and texel size.
 
     Returns:
-        The distance, a multiple of an eighth of the pitch; NaN if no distance up to twelve pitches shows the dip [m].
+        The distance; NaN if the loads are not separated up to twelve pitches [m].
     """
-    row = TexelArray.grid(1, 2 * _HALF_ROW + 1, array.pitch, texel_size=array.texel_size)
-    step = array.pitch[0] / _ALIGNMENTS
-    loads = np.column_stack([np.arange(_ALIGNMENTS) * step, np.zeros(_ALIGNMENTS)])
-    single = np.asarray(spread.texel_influence(row, loads))
-    for separation in range(1, _ALIGNMENTS * (_HALF_ROW // 2)):
-        pairs = (single[shift] + _shifted_response(single, shift + separation) for shift in range(_ALIGNMENTS))
-        if all(_has_dip(pair) for pair in pairs):
-            return separation * step
+    texel = TexelArray.grid(1, 1, array.pitch, texel_size=array.texel_size)
+    step = array.pitch[0] / _PLACES
+    places = step * np.arange(_FARTHEST * _PLACES + 1)
+    force = np.asarray(spread.texel_influence(texel, np.column_stack([places, np.zeros(len(places))])))[:, 0]
+    before = 1.0
+    for half in range(1, len(places) // 2):
+        peak = float(np.max(force[: half + 1] + force[2 * half - np.arange(half + 1)]))
+        share = 2 * float(force[half]) / peak
+        if share <= _RAYLEIGH:
+            return 2 * step * (half - (_RAYLEIGH - share) / (before - share))
+        before = share
     return float("nan")
-
-
-def _shifted_response(single: FloatArray, steps: int) -> FloatArray:
-    """Return the forces on a row of n texels under a unit point load to the right of the row's middle [-].
-
-    Args:
-        single: Forces on the n texels under a unit load at each position within the middle pitch, shape (positions, n)
-            [-].
-        steps: Distance of the load from the middle of the row, in steps between these positions [-].
-    """
-    texels, alignment = divmod(steps, _ALIGNMENTS)
-    return np.concatenate([np.zeros(texels), single[alignment][: single.shape[1] - texels]])
-
-
-def _has_dip(values: FloatArray) -> bool:
-    """Return whether a sequence of texel values has two peaks with a smaller value between them."""
-    rising = np.maximum.accumulate(values)
-    falling = np.maximum.accumulate(values[::-1])[::-1]
-    lower_peak = np.minimum(rising, falling)
-    # The two peaks must exceed half the maximum, because a single load also causes a shallow ring around its peak.
-    return bool(np.any((lower_peak > values.max() / 2) & (lower_peak - values > _SMALLEST_DIP * values.max())))
 
 
 #: Relative step of the cover's thickness in the central difference quotient [-].

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from functools import singledispatch
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,6 +36,8 @@ _LOG = logging.getLogger(__name__)
 
 #: Largest number of cases with a picture in three dimensions [-], because each picture takes a second or two.
 _MOST_PICTURES = 24
+#: Place of the legend of a plot: above its axes, where it covers nothing.
+_ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0}
 #: Function that draws a plot into the axes of a figure.
 Draw = Callable[["Axes"], None]
 
@@ -95,7 +97,7 @@ def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
             axes.plot(offset, 100 * np.asarray(image, dtype=np.float64)[:, column], style, color=colour, label=name)
         axes.set(xlabel="texels from the loaded one, along y", ylabel="force on the texel [% of the load]")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.legend()
+        axes.legend(**_ABOVE)
 
     caption = "Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel."
     plots: dict[str, tuple[str, Draw]] = {"texel-plot": (caption, draw_texel_forces)}
@@ -108,11 +110,11 @@ def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
         for name, values, style, colour in (
             ("finite elements", spread.pressure(radius), "-", COLOURS["fem"]),
             ("exact layer solution", point_response(sensor.layered_cover, radius), ":", COLOURS["exact"]),
-            ("fitted Gaussian (to uniform texel load)", gaussian, "--", COLOURS["fit"]),
+            ("fitted Gaussian", gaussian, "--", COLOURS["fit"]),
         ):
             axes.plot(1e3 * radius, 1e-6 * values, style, color=colour, label=name)
         axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm\u00b2]")
-        axes.legend()
+        axes.legend(**_ABOVE)
 
     caption = "Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels."
     return plots | {"psf-plot": (caption, draw_pressure)}
@@ -228,7 +230,7 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> None:
     peak = float(derivation.texel_response_uniform.max())
     layers = " + ".join(f"{1e3 * layer.thickness:.3g} mm {layer.material.name}" for layer in cover.layers)
     try:
-        with open_figure(folder / f"psf.{picture}", height=2.8) as figure:
+        with open_figure(folder / f"psf.{picture}", height=3.3) as figure:
             *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
             for (_, draw), each in zip(plots, axes, strict=True):
                 draw(each)

@@ -81,8 +81,8 @@ class Responses(Result):
         texel_response_uniform_outside: Force of `texel_response_uniform` that no texel measures [-].
         point_response: Pressure on the base over the distance from a point load; None with free side edges.
         resolution: Two-point separation at the base; NaN if there is no dip, None with free side edges [m].
-        resolution_on_array: Two-point separation in images of this array, for the worst position of the two points
-            relative to the texels [m].
+        resolution_on_array: Two-point separation by a texel that moves between the points, by the Rayleigh criterion
+            [m].
         sensitivity: Derivatives of sigma with respect to thickness [pitches/m] and Poisson ratio [pitches].
         depth: Stiffness parameters fitted to the computed depths of a ball under several loads; None with free side
             edges.
@@ -113,7 +113,7 @@ class Responses(Result):
         float | None, Column(heading="two-point separation at the base", unit="mm", factor=1e3, decimals=2)
     ] = None
     resolution_on_array: Annotated[
-        float | None, Column(heading="two-point separation with these texels", unit="mm", factor=1e3, decimals=2)
+        float | None, Column(heading="two-point separation by a texel of this size", unit="mm", factor=1e3, decimals=2)
     ] = None
     sensitivity: Mapping[str, float] | None = None
     depth: JsonObject | None = None

@@ -16,6 +16,7 @@ from validation.derivation.kernel import (
     fitting_grid,
     gauss_points,
     sigma_sensitivities,
+    texel_separation,
     two_point_separation,
     uncut_sigma,
 )
@@ -81,28 +82,45 @@ def test_resolution_is_that_of_two_touches_on_the_exact_layer(derivation):
         assert (pressure[100] < pressure[0] - 1e-3 * pressure.max()) == dips
 
 
-def test_resolution_on_the_array_is_that_of_two_touches_on_real_texels(derivation):
-    """Two touches on the array's own middle row, at every alignment: a texel between reads less than both sides."""
-    array, spread = derivation.sensor.array, derivation.point_spread
-    apart, row = derivation.result.resolution_on_array, array.centres[array.middle, 1]
+@dataclasses.dataclass
+class Spread:
+    """The influence of point loads on one texel at the origin, as a function of the distance along x."""
 
-    def dips(separation):
-        found = []
-        for shift in np.arange(8) / 8 * array.pitch[0]:
-            touches = np.array([[shift - separation / 2, row], [shift + separation / 2, row]])
-            image = array.image(spread.texel_influence(array, touches).sum(axis=0))[array.rows // 2]
-            left, right = (round(float(x) / array.pitch[0] + 2.5) for x in touches[:, 0])
-            between = image[left + 1 : right]
-            found.append(between.size > 0 and between.min() < min(image[left], image[right]) - 1e-3 * image.max())
-        return all(found)
+    force: object
 
-    assert dips(apart)
-    assert not dips(apart - array.pitch[0] / 4)
+    def texel_influence(self, _array, loads):
+        return self.force(loads[:, 0])[:, None]
+
+
+def test_two_gaussian_responses_are_separated_where_rayleighs_share_is_reached():
+    """Midway 2 exp(-d2 / 8 s2) is 0.735 of the peak of the sum at d = 2.80 s."""
+    sigma = 2.3e-3
+    found = texel_separation(Spread(lambda x: np.exp(-((x / sigma) ** 2) / 2)), TexelArray.grid(3, 3, 1.9e-3))
+    places = np.linspace(0, found, 4001)
+    total = np.exp(-((places / sigma) ** 2) / 2) + np.exp(-(((found - places) / sigma) ** 2) / 2)
+    assert total[2000] / total.max() == pytest.approx(0.735, abs=1e-3)
+    assert found / sigma == pytest.approx(2.80, abs=0.01)
+
+
+def test_a_texel_alone_separates_by_its_width():
+    """Without spread two loads are separated once no texel holds both; a triangle of half width w needs 1.265 w."""
+    array = TexelArray.grid(3, 3, 3.4e-3)
+    assert texel_separation(Spread(lambda x: (x <= 1.7e-3) * 1.0), array) == pytest.approx(3.4e-3, rel=0.02)
+    triangle = texel_separation(Spread(lambda x: np.maximum(1 - x / 3.4e-3, 0)), array)
+    assert triangle == pytest.approx(1.265 * 3.4e-3, rel=1e-3)
+
+
+def test_the_separation_has_a_trend_with_the_thickness(derivation):
+    array = derivation.sensor.array
+    covers = (stack_layers((thickness, 1e6, 0.49)) for thickness in (0.5e-3, 1e-3, 3e-3, 4e-3))
+    found = [texel_separation(point_spread(cover), array) for cover in covers]
+    found.insert(2, derivation.result.resolution_on_array)  # 2 mm
+    assert (np.diff(found) > 0.1e-3).all()
+    assert array.pitch[0] < found[0] < found[-1] < 2 * array.pitch[0]
 
 
 def test_resolution_scales_with_the_cover(derivation, thicker):
     assert two_point_separation(thicker) == pytest.approx(1.05 * derivation.result.resolution, rel=0.01)
-    assert derivation.result.resolution_on_array >= 2 * derivation.sensor.array.pitch[0] - 1e-9
 
 
 @dataclasses.dataclass
