@@ -18,6 +18,7 @@ from typing import Any
 
 from validation.campaign.case import Case
 from validation.errors import Faults, InputError
+from validation.moving.history import MovingCase, read_moving
 from validation.places import Places
 from validation.schema import parse, read_raw
 from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable
@@ -26,6 +27,8 @@ from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable
 RECORDING_LIMITS: Mapping[str, float] = MappingProxyType(
     {"image_changed_percent": 2.0, "relative_l2": 0.1, BEHIND_NULL: 0.2}
 )
+#: Names of the built-in campaigns besides those by default.
+BUILT_IN = ("report-2015", "moving")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -81,6 +84,7 @@ class Campaign:
         left_out: One line per fault in a case that is left out.
         spare: Further cases of a run with a budget, most useful first, for time that its cases leave.  After the run,
             those that ten more minutes would add.
+        moving: Cases that change in time; they do not count for the verdict.
     """
 
     name: str
@@ -92,6 +96,7 @@ class Campaign:
     quick: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     spare: tuple[Case, ...] = ()
+    moving: tuple[MovingCase, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return name, intended use, criterion and inputs as a dictionary of JSON values."""
@@ -111,7 +116,7 @@ def read_campaign(path: Path | None, places: Places) -> Campaign:
     """Read a campaign file, or the default campaign.
 
     Args:
-        path: Path of the file; None for the default campaign.
+        path: Path of the file, or the name of a built-in campaign (`BUILT_IN`); None for the default campaign.
         places: Places on the cover, see `find_places`.
 
     Raises:
@@ -121,6 +126,8 @@ def read_campaign(path: Path | None, places: Places) -> Campaign:
     """
     if path is None:
         return parse_campaign({}, places, source="built-in")
+    if str(path) in BUILT_IN and not path.exists():
+        return parse_campaign(_read_default(f"{path}.toml"), places, source=f"built-in {path}")
     return parse_campaign(read_raw(path, CampaignTables), places, source=str(path))
 
 
@@ -156,7 +163,8 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     if cases != asked:
         low, high = (edge(case.load for case in cases) for edge in (min, max))
         use = f"{use} Loads are lowered for this soft cover: {low:.2g} N to {high:.2g} N."
-    left_out = [f"{source}: {fault}" for fault in left_out]
+    moving, faults = read_moving(tables.moving, places)
+    left_out = [f"{source}: {fault}" for fault in (*left_out, *faults)]
     if not cases:
         raise InputError(*left_out, f"{source}: no usable case is left; add one, or mend one of these")
     return Campaign(
@@ -172,6 +180,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
         cases=tuple(cases),
         quick=tuple(quick),
         left_out=tuple(left_out),
+        moving=tuple(moving),
     )
 
 

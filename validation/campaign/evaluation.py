@@ -26,6 +26,8 @@ from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import at
+from validation.moving.results import MovingResult
+from validation.moving.run import run_moving
 from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
@@ -101,6 +103,7 @@ class Evaluation(RecordingEvaluation):
         plan: The campaign as its file describes it: cases, intended use and acceptance criterion.
         campaign: Scores of the fast model against the finite elements.
         evidence: Verification, effect of uncertain inputs, error of each stage, and range of the cases.
+        moving: Results of the cases that change in time.
     """
 
     derivation: Derivation
@@ -108,6 +111,7 @@ class Evaluation(RecordingEvaluation):
     plan: Campaign
     campaign: CampaignResult
     evidence: Evidence
+    moving: tuple[MovingResult, ...] = ()
 
     @property
     def sensor(self) -> SensorDescription:
@@ -127,6 +131,7 @@ class Evaluation(RecordingEvaluation):
             verification=self.verification,
             campaign=self.campaign,
             evidence=self.evidence,
+            moving=self.moving,
         )
 
 
@@ -186,6 +191,12 @@ def evaluate(
         plan, cases=tuple(case for case in listed if case.name in done or case in plan.cases),
         spare=tuple(case for case in plan.spare if case.name not in done),
     )  # fmt: skip
+    moving: tuple[MovingResult, ...] = ()
+    if plan.moving and not result.interrupted:
+        if progress:
+            progress("moving cases")
+        moving, faults = run_moving(bench, plan.moving, step)
+        plan = dataclasses.replace(plan, left_out=(*plan.left_out, *faults))
     evidence = gather_evidence(bench, plan, result, progress, budget=budget)
     clock.append(time.perf_counter())
     return Evaluation(
@@ -196,6 +207,7 @@ def evaluate(
         # Recordings of another sensor are shown, and tell nothing about this one.
         verdict=_judge(plan, result, scores, recordings if recorded is None or recorded is sensor else None),
         evidence=evidence,
+        moving=moving,
         recordings=scores,
         recorded=recorded or sensor,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from meshes import Cover
+from validation.published.in_time import Term
 from validation.published.scene import Forces
 
 #: Function of a scene and of the parameters of a model by name that returns the forces.
@@ -61,7 +62,8 @@ class Model:
         predict: Function of a scene and of the parameters by name, which returns the forces.
         parameters: The parameters by name.
         total: Sum of the forces in words, if the model itself does not make it equal to the load.
-        in_time: Published filters, dampers and noise, which have no effect on a held load and are not implemented.
+        in_time: Published filters, dampers and noise in words; they have no effect on a held load.
+        terms: The terms in time that moving cases use, by their settings as text; empty for none.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Model:
     parameters: Mapping[str, Parameter]
     total: str = ""
     in_time: str = ""
+    terms: Mapping[str, Term] = field(default_factory=dict)
 
     @property
     def units(self) -> dict[str, str]:
@@ -121,7 +124,7 @@ PUBLISHED: dict[str, Model] = {}
 
 def published(
     name: str, *, title: str, contact: str, rule: str, certainty: str, total: str = "", in_time: str = "",
-    **parameters: Parameter,
+    terms: Mapping[str, Term] | None = None, **parameters: Parameter,
 ) -> Callable[[Predict], Predict]:  # fmt: skip
     """Return a decorator that enters a prediction function in `PUBLISHED`.
 
@@ -131,7 +134,7 @@ def published(
     def enter(predict: Predict) -> Predict:
         PUBLISHED[name] = Model(
             name=name, title=title, contact=contact, rule=rule, certainty=certainty, predict=predict,
-            parameters=parameters, total=total, in_time=in_time,
+            parameters=parameters, total=total, in_time=in_time, terms=terms or {},
         )  # fmt: skip
         return predict
 

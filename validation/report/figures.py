@@ -22,6 +22,7 @@ from validation.derivation.layers import LayeredDerivation
 from validation.derivation.solid import SolidDerivation
 from validation.extras import MissingExtraError
 from validation.json_values import json_text
+from validation.moving.results import TRUTH, MovingResult
 from validation.render.figure import COLOURS, draw_texels, open_figure
 from validation.render.image import Scale
 from validation.text.indenter import describe_indenter
@@ -40,6 +41,8 @@ _MOST_PICTURES = 24
 _ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0}
 #: Function that draws a plot into the axes of a figure.
 Draw = Callable[["Axes"], None]
+#: Number of models besides the fast one whose forces are drawn over time [-].
+_DRAWN = 4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -130,6 +133,17 @@ def draw_campaign(campaign: CampaignResult, axes: Axes) -> None:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylabel("misplaced force [% of the load]")
     axes.grid(axis="y", linewidth=0.4, alpha=0.5)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
+
+
+def draw_moving(result: MovingResult, axes: Axes) -> None:
+    """Draw the total force on the texels over time: true, by the fast model, and by the models with most delay."""
+    axes.plot(result.times, result.totals[TRUTH], color="black", linewidth=2, label="finite elements")
+    axes.plot(result.times, result.totals["fast"], color=COLOURS["fast"], linewidth=1, label="fast")
+    late = sorted((each for each in result.scores if each.delay > 0), key=lambda each: -each.delay)
+    for each in late[:_DRAWN]:
+        axes.plot(result.times, result.totals[each.model], "--", linewidth=1, label=each.model)
+    axes.set(xlabel="time [s]", ylabel="force on the texels [N]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
 
 

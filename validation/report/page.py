@@ -32,10 +32,18 @@ from validation.derivation.base import Derivation
 from validation.extras import REPORT_MODULES, require
 from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
+from validation.moving.results import MovingResult, MovingScore
 from validation.pooling import Pooled
 from validation.render.image import Scale, colour_bar, find_outline, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
-from validation.report.figures import Pictures, draw_campaign, draw_cases, plot_responses, render_svg
+from validation.report.figures import (
+    Pictures,
+    draw_campaign,
+    draw_cases,
+    draw_moving,
+    plot_responses,
+    render_svg,
+)
 from validation.results import Column, columns
 from validation.text.indenter import describe_indenter
 from validation.verdict import SHOWN, Finding
@@ -100,6 +108,7 @@ def _show_campaign(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]
         "comparison": describe_comparison(campaign),
         "picture": _show_worst(cases),
         "floor": _show_floor(campaign),
+        "moving": [_show_moving(each, f"moving-{k}") for k, each in enumerate(evaluation.moving)],
         "maps": _draw_maps(derivation),
         "cases": cases,
         "missing_pictures": pictures.missing,
@@ -110,6 +119,13 @@ def _show_campaign(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]
         "reference_error": results.describe_reference_error(campaign),
         "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
     }
+
+
+def _show_moving(result: MovingResult, name: str) -> dict[str, Any]:
+    """Return the variables of one moving case: its result, a table of scores, and a plot of the forces over time."""
+    shown = [field for field in columns(MovingScore) if field != "case"]
+    table = tabulate(name, result.name, result.scores, MovingScore, shown)
+    return {"result": result, "table": table, "plot": render_svg(partial(draw_moving, result))}
 
 
 def _show_worst(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:

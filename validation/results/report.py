@@ -12,6 +12,7 @@ from validation.campaign.results import CampaignResult
 from validation.credibility.evidence import Evidence
 from validation.data_sets.results import RecordingScores
 from validation.errors import InputError
+from validation.moving.results import MovingResult
 from validation.results import JsonObject, Number, Result, result_model
 from validation.results.derivation import Responses
 from validation.verdict import Verdict
@@ -53,6 +54,7 @@ class Report(RecordingReport):
         campaign: Scores of the fast model and of the models for comparison.
         evidence: Code and solution verification, effect of uncertain inputs, error of each stage of the fast model, and
             the range of the cases.
+        moving: Results of the cases that change in time.
     """
 
     campaign_file: JsonObject
@@ -61,6 +63,7 @@ class Report(RecordingReport):
     verification: Mapping[str, Number]
     campaign: CampaignResult
     evidence: Evidence
+    moving: tuple[MovingResult, ...] = ()
 
 
 def read_report(path: Path | str) -> Report | RecordingReport:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -21,6 +22,10 @@ _NOT_ERRORS = ("pixels_lit_line", "active_area_iou")
 _MOST_LOADS = 100
 #: Largest accepted number of cases in a campaign file [-].
 _MOST_CASES = 1000
+#: Largest accepted number of moving cases, and of instants of one of them [-].
+_MOST_MOVING, _MOST_INSTANTS = 50, 10_000
+#: Longest history of a moving case [s], and its largest load [N].
+_LONGEST_HISTORY, _LARGEST_LOAD = 3600.0, 1e6
 #: Keys for the load of a case in a campaign file, of which exactly one must be given.
 _LOADS = ("load", "loads", "path")
 
@@ -193,6 +198,46 @@ class CaseTable(Table):
                 yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"
 
 
+_Instant = Annotated[float, types.quantity("time", positive=False, most=_LONGEST_HISTORY)]
+_LoadOrNone = Annotated[float, types.quantity("force", positive=False, most=_LARGEST_LOAD)]
+
+
+class MovingTable(Table):
+    """An indenter whose load or place changes in time, scored through the signal chain of each model.
+
+    Load and place are linear between the instants.
+
+    Attributes:
+        name: Short name, unique among the moving cases.
+        indenter: Rigid body that presses on the cover.
+        time: Ascending instants, the first one is zero.
+        load: Load at each instant, or one load.
+        at: Place at each instant, named or as coordinates of the indenter's axis, or one place.
+        yaw: Rotation of the indenter about its axis.
+        tilt: Rotations about the x and y axes of the indenter's frame.
+        repeat: How often the history happens, one time after the other.
+    """
+
+    name: types.Name = Field(examples=["tap"])
+    indenter: types.Indenter = Field(examples=["sphere:radius=5mm"])
+    time: Annotated[list[_Instant], Field(min_length=2, max_length=_MOST_INSTANTS)]
+    load: Annotated[list[_LoadOrNone], types.OneOrMore(), Field(min_length=1, max_length=_MOST_INSTANTS)]
+    at: Annotated[list[str], types.OneOrMore()] = Field(default=["centre"], min_length=1, max_length=_MOST_INSTANTS)
+    yaw: str | None = None
+    tilt: str | None = None
+    repeat: Annotated[int, types.number(1, 1000, whole=True)] = 1
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield faults of the instants and of the loads."""
+        if self.time[0] != 0:
+            yield "time[0]", "the history must begin at 0 s"
+        for k, (before, after) in enumerate(itertools.pairwise(self.time), 1):
+            if after <= before:
+                yield f"time[{k}]", f"{after:g} s must come after {before:g} s; a step takes a short time, such as 1 ms"
+        if not max(self.load) > 0:
+            yield "load", "all loads are zero, so that nothing presses"
+
+
 def _require_nothing(schema: dict[str, Any]) -> None:
     """Make no key required in a JSON Schema; values of the default campaign replace keys that are left out."""
     del schema["required"]
@@ -209,6 +254,7 @@ class CampaignTables(Table):
         loads_for: The cover for which the loads are written.
         deepest: Depth over thickness of a flat linear cover to which larger loads are lowered.
         case: Cases of the campaign.
+        moving: Cases that change in time.
     """
 
     model_config = ConfigDict(json_schema_extra=_require_nothing)
@@ -220,3 +266,4 @@ class CampaignTables(Table):
     loads_for: LoadsForTable | None = None
     deepest: Annotated[float, types.percentage(1)] | None = None
     case: Annotated[list[Any], types.OneByOne(CaseTable, most=_MOST_CASES)]
+    moving: Annotated[list[Any], types.OneByOne(MovingTable, most=_MOST_MOVING)] = Field(default_factory=list)

@@ -6,7 +6,7 @@ With `--measured`, `softcover validate` compares the finite elements with forces
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from validation.campaign.evaluation import Evaluation, RecordingEvaluation
     from validation.campaign.results import CampaignResult
     from validation.measured_force.comparison import ForceComparison, Row
+    from validation.moving.results import MovingResult
     from validation.render.table import Table
     from validation.schema.measured_force import Measurement
     from validation.sensor_file import SensorDescription
@@ -99,7 +100,7 @@ def validate(
         softcover validate wts-0614-34 --measured gelsight-mini
 
     Args:
-        campaign: Campaign file: cases and what is required of the fast model.
+        campaign: Campaign file, or report-2015 or moving: cases and what is required of the fast model.
         budget: Processor time such as 20min, within which the cases that tell most are computed.
         data_set: Data-set file, or kiechle-sdh2; that in the folder when not given.
         only_recordings: Score the recordings alone, without the finite elements of the campaign.
@@ -195,6 +196,8 @@ def _print(evaluation: RecordingEvaluation) -> None:
             f"Means over {len(campaign.cases)} cases; own error of the reference: "
             f"{describe_reference_error(campaign)}. All models and intervals are in the report."
         )
+        if evaluation.moving:
+            output.render(_tabulate_moving(evaluation.moving))
     if (scores := evaluation.recordings) is not None:
         for split, notes in scores.notes.items():
             output.show_wrapped(f"Recordings, {scores.about[split]}: {'; '.join(notes)}", further="  ")
@@ -218,6 +221,16 @@ def _tabulate(campaign: CampaignResult) -> Table:
             for model, means in pooled.items()
         ],
     )
+
+
+def _tabulate_moving(results: Sequence[MovingResult]) -> Table:
+    """Tabulate the scores of the fast model in the cases that change in time."""
+    from validation.moving.results import MovingScore
+    from validation.render.table import tabulate
+
+    fast = [score for result in results for score in result.scores if score.model == "fast"]
+    shown = ("case", "error", "misplaced", "delay", "latency")
+    return tabulate("moving", "Fast model in cases that change in time", fast, MovingScore, shown)
 
 
 def _compare_measured_force(measured: str, *, json: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fastmodel import Gaussian
+from validation.published.in_time import butterworth, mean_of, recursion
 from validation.published.model import CODE, POINTS, REPORT, SECONDARY, SUMMARY, Parameter, published
 from validation.published.scene import Forces, Scene, convolve
 
@@ -23,7 +24,11 @@ def predict_gaussian_boxes(scene: Scene, *, sigma: float, ksize_x: float, ksize_
     return Forces(texels, float(scene.boxes.total_force - texels.sum()))
 
 
-for _sigma, _x, _y in ((0.5, 3, 3), (0.8, 3, 3), (1.0, 3, 5), (1.0, 5, 5), (0.8, 5, 5)):
+#: Orders [-] and cut-offs of the report's filter; the unit of its cut-offs is not stated, hertz is assumed [Hz].
+_FILTERS = ((5, 20.0), (5, 8.0), (2, 5.0), (2, 2.0))
+
+# One row has all settings of the filter, which acts on the sums alone: sums and shapes do not depend on each other.
+for _sigma, _x, _y, _settings in ((0.5, 3, 3, 1), (0.8, 3, 3, 1), (1.0, 3, 5, 1), (1.0, 5, 5, 1), (0.8, 5, 5, 4)):
     published(
         f"report-{_sigma:g}-{_x}x{_y}",
         title=f"2015 report, sigma {_sigma:g}, {_x} x {_y}",
@@ -31,6 +36,7 @@ for _sigma, _x, _y in ((0.5, 3, 3), (0.8, 3, 3), (1.0, 3, 5), (1.0, 5, 5), (0.8,
         rule="sum on boxes, separable Gaussian of unit sum",
         certainty=REPORT,
         in_time="Butterworth filter before the Gaussian",
+        terms={f"order {order}, {cut:g} Hz": butterworth(order, cut) for order, cut in _FILTERS[:_settings]},
         # The rows of the 2015 report share one function, so that one of the rows is fitted.
         sigma=Parameter(shipped=_sigma, unit="pitches", fitted=(_sigma, _x) == (0.8, 5)),
         ksize_x=Parameter(shipped=_x, unit="texels"),
@@ -45,6 +51,7 @@ for _sigma, _x, _y in ((0.5, 3, 3), (0.8, 3, 3), (1.0, 3, 5), (1.0, 5, 5), (0.8,
     rule="sum on the texel's box, no spread",
     certainty=SECONDARY,
     in_time="y = 0.1 f + 0.9 y every 2.5 ms in GraspIt's later code",
+    terms={"y = 0.1 f + 0.9 y every 2.5 ms": recursion(0.1, 2.5e-3)},
 )
 def predict_binned(scene: Scene) -> Forces:
     """Tegin and Wikander 2005: the force on a texel is the sum of the contact forces on the texel's box."""
@@ -79,6 +86,7 @@ def predict_cover_response(scene: Scene) -> Forces:
     certainty=f"{SUMMARY}; borders unknown",
     total="less where texels saturate",
     in_time="mean of 10 samples",
+    terms={"mean of 10 samples of 1 ms": mean_of(10, 1e-3)},
     counts_per_newton=Parameter(shipped=350.0, unit="1/N"),
     most_counts=Parameter(shipped=3500.0),
 )
@@ -105,6 +113,7 @@ def predict_mean_3x3(scene: Scene, *, counts_per_newton: float, most_counts: flo
     rule="each point shared among all texels by Gaussians of distance and angle, unit sum",
     certainty=f"{CODE}; default widths unknown",
     in_time="mean between two reads",
+    terms={"mean between two reads, 100 Hz": mean_of(10, 1e-3)},
     distance=Parameter(unit="m", start=2e-3, fitted=True),
     angle=Parameter(start=1.0),
     least_force=Parameter(start=0.0, unit="N"),

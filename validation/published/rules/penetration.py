@@ -6,6 +6,7 @@ import numpy as np
 
 from fastmodel import Gaussian
 from meshes.array_types import FloatArray
+from validation.published.in_time import recursion
 from validation.published.model import CODE, PENETRATION, SUMMARY, Parameter, published
 from validation.published.scene import Forces, Scene, bin_on_texels, convolve, scale_to_load, sink, sink_springs
 
@@ -27,6 +28,7 @@ _ROBWORK_PRESSURE = 250e3
     certainty=CODE,
     total="scaled to the load; the code divides by the number of loaded texels once more",
     in_time="alpha = dt / (tau + dt), tau = 0.1 s; overwritten in the version that was read",
+    terms={"tau 0.1 s, dt 1 ms": recursion(1e-3 / (0.1 + 1e-3), 1e-3)},
     modulus=Parameter(shipped=700e3, unit="Pa", fitted=True),
     mask=Parameter(shipped=1.0, fitted=True),
 )
