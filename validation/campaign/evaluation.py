@@ -104,6 +104,7 @@ class Evaluation(RecordingEvaluation):
         campaign: Scores of the fast model against the finite elements.
         evidence: Verification, effect of uncertain inputs, error of each stage, and range of the cases.
         moving: Results of the cases that change in time.
+        not_moved: A line for each such case that a model cannot compute.
     """
 
     derivation: Derivation
@@ -112,6 +113,7 @@ class Evaluation(RecordingEvaluation):
     campaign: CampaignResult
     evidence: Evidence
     moving: tuple[MovingResult, ...] = ()
+    not_moved: tuple[str, ...] = ()
 
     @property
     def sensor(self) -> SensorDescription:
@@ -192,11 +194,11 @@ def evaluate(
         spare=tuple(case for case in plan.spare if case.name not in done),
     )  # fmt: skip
     moving: tuple[MovingResult, ...] = ()
+    not_moved: tuple[str, ...] = ()
     if plan.moving and not result.interrupted:
         if progress:
             progress("moving cases")
-        moving, faults = run_moving(bench, plan.moving, step)
-        plan = dataclasses.replace(plan, left_out=(*plan.left_out, *faults))
+        moving, not_moved = run_moving(bench, plan.moving, step)
     evidence = gather_evidence(bench, plan, result, progress, budget=budget)
     clock.append(time.perf_counter())
     return Evaluation(
@@ -208,6 +210,7 @@ def evaluate(
         verdict=_judge(plan, result, scores, recordings if recorded is None or recorded is sensor else None),
         evidence=evidence,
         moving=moving,
+        not_moved=not_moved,
         recordings=scores,
         recorded=recorded or sensor,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),

@@ -124,7 +124,7 @@ def score_moving(
                 error=measure_error(true[:, :-1], found[:, :-1]),
                 misplaced=measure_misplaced(true, found),
                 delay=measure_delay(series[row.model][:, :-1], found[:, :-1], 1 / RATE),
-                overshoot=float(found[:, :-1].sum(axis=1).max() / true[:, :-1].sum(axis=1).max() - 1),
+                overshoot=round(float(found[:, :-1].sum(axis=1).max() / true[:, :-1].sum(axis=1).max()) - 1, 9),
                 latency=latency + 0.5 / bench.parameters.electronics.rate_hz,
                 latency_worst=latency + 1 / bench.parameters.electronics.rate_hz,
             )

@@ -140,8 +140,9 @@ def draw_moving(result: MovingResult, axes: Axes) -> None:
     """Draw the total force on the texels over time: true, by the fast model, and by the models with most delay."""
     axes.plot(result.times, result.totals[TRUTH], color="black", linewidth=2, label="finite elements")
     axes.plot(result.times, result.totals["fast"], color=COLOURS["fast"], linewidth=1, label="fast")
-    late = sorted((each for each in result.scores if each.delay > 0), key=lambda each: -each.delay)
-    for each in late[:_DRAWN]:
+    late = sorted((each for each in result.scores if each.delay > 0), key=lambda each: each.delay)
+    latest = {each.model.split(",")[0]: each for each in late}.values()  # of all settings of a model
+    for each in sorted(latest, key=lambda each: -each.delay)[:_DRAWN]:
         axes.plot(result.times, result.totals[each.model], "--", linewidth=1, label=each.model)
     axes.set(xlabel="time [s]", ylabel="force on the texels [N]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)

@@ -161,7 +161,7 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any
             return INTERRUPTED
         if not all(each.converged for each in found.campaign.skipped):
             return NOT_CONVERGED
-        if found.plan.left_out:
+        if found.plan.left_out or found.not_moved:
             return BAD_INPUT
     return DONE if found.verdict.accepted else CHECK_FAILED
 
@@ -170,6 +170,11 @@ def _tell_problems(evaluation: Evaluation) -> None:
     """Print the cases without scores and the warnings, each on one line."""
     for each in evaluation.campaign.skipped:
         output.say(f"not scored: {each.name} ({each.indenter}, {each.load:.3g} N): {each.reason}")
+    for line in evaluation.not_moved:
+        output.say(f"not scored: {line}")
+    for moved in evaluation.moving:
+        for sentence in moved.warnings:
+            output.say(f"softcover: warning: {moved.name}: {sentence}")
     for result in evaluation.campaign.cases:
         for sentence in dict.fromkeys((*result.reference.warnings, *result.warnings)):
             output.say(f"softcover: warning: {result.case.name}: {sentence}")

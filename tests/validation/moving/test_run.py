@@ -1,0 +1,171 @@
+"""Scores of moving cases, from states in closed form and by the finite elements."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+import fastmodel
+from fastmodel import Butterworth
+from meshes import Pose, Sphere
+from validation.campaign.bench import LayeredBench
+from validation.campaign.results import CaseResult, Reference, predict
+from validation.moving.history import MovingCase
+from validation.moving.results import measure_delay, measure_misplaced
+from validation.moving.run import RATE, filter_forces, find_resonance, hold, run_moving, score_moving
+from validation.sensor_file import BUILT_IN
+
+SENSOR = BUILT_IN["wts-0614-34"]
+PARAMETERS = dataclasses.replace(fastmodel.load("wts-0614-34"), filter=Butterworth(cutoff_hz=20.0, order=2))
+BENCH = LayeredBench(cover=SENSOR.cover, parameters=PARAMETERS)
+CENTRES = PARAMETERS.array.centres[:, :2]
+
+
+def spread(load, at, sigma):
+    """Texel forces of a bell around a place whose width grows with the cube root of the load, shape (n,) [N]."""
+    width = sigma * (1 + 0.3 * np.cbrt(load))
+    bell = np.exp(-((CENTRES - at) ** 2).sum(axis=1) / (2 * width**2))
+    return load * PARAMETERS.array.pitch[0] ** 2 * bell / (2 * np.pi * width**2)
+
+
+def solve(state, factor=1.1):
+    """A state whose model spreads 1.1 times as wide as the truth."""
+    true, model = (spread(state.load, state.pose.at, sigma) for sigma in (4e-3, factor * 4e-3))
+    reference = Reference(
+        texel_forces=true, outside=state.load - true.sum(), total_force=state.load, depth=1e-4, contact_area=1e-5,
+        error_estimate={}, assumptions={}, warnings=(),
+    )  # fmt: skip
+    forces = {"fast": (model, state.load - model.sum()), "zeros": (0 * model, 0.0)}
+    return CaseResult(
+        case=state, reference=reference, warnings=(), predictions=predict(reference, forces, state.load, PARAMETERS)
+    )
+
+
+def make(times, loads, places, repeat=1):
+    poses = tuple(Pose.planar(at=at) for at in places)
+    return MovingCase(
+        name="case", indenter=Sphere(radius=5e-3), shape="sphere:radius=5mm", times=times, loads=loads, poses=poses,
+        repeat=repeat,
+    )  # fmt: skip
+
+
+def score(case):
+    curves = case.divide(PARAMETERS.array.pitch[0])
+    return score_moving(BENCH, case, curves, {state: solve(state) for curve in curves for state in curve.cases})
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        make((0.0, 0.05, 0.25, 0.4), (0.0, 0.0, 3.0, 1.0), [(1e-3, -2e-3)] * 4),
+        make((0.0, 0.1, 0.4), (2.0, 2.0, 2.0), [(-3e-3, 0.0), (-3e-3, 0.0), (5e-3, 7e-3)]),
+        make((0.0, 0.2, 0.4), (1.0, 3.0, 1.0), [(0.0, 0.0), (6e-3, 2e-3), (0.0, 0.0)], repeat=2),
+    ],
+    ids=["load", "slide", "slide under a growing load"],
+)
+def test_forces_between_the_states_and_scores_are_those_of_every_instant(case):
+    found, samples = score(case), case.sample(RATE)
+    within = np.where(samples.times < case.duration, samples.times % case.times[-1], case.times[-1])
+    loads = np.interp(within, case.times, case.loads)
+    places = np.stack([np.interp(within, case.times, [pose.at[k] for pose in case.poses]) for k in (0, 1)], axis=1)
+    true, model = (
+        np.array([spread(load, at, sigma) for load, at in zip(loads, places, strict=True)]) for sigma in (4e-3, 4.4e-3)
+    )
+    assert found.totals["truth"] == pytest.approx(true.sum(axis=1), abs=2e-3)
+    sections = butter(2, 20.0, fs=RATE, output="sos")
+    passed = sosfilt(sections, np.concatenate([np.repeat(model[:1], 3000, axis=0), model]), axis=0)[3000:]
+    frames = np.floor(samples.times * 271 + 1e-9) / 271
+    held = passed[np.floor(frames * RATE + 1e-9).astype(int)]
+    fast = next(each for each in found.scores if each.model == "fast")
+    assert fast.error == pytest.approx(np.linalg.norm(held - true) / np.linalg.norm(true), rel=0.01, abs=2e-4)
+    assert fast.overshoot == pytest.approx(held.sum(axis=1).max() / true.sum(axis=1).max() - 1, abs=1e-3)
+    assert found.interpolation_error < 0.01
+
+
+def test_a_slow_ramp_comes_late_by_the_group_delay_of_filter_samples_and_frames():
+    """sqrt(2) / (2 pi fc) of a second-order filter, half a frame, and half a sample of a frame's age."""
+    found = score(make((0.0, 3.0), (0.5, 3.0), [(0.0, 0.0)] * 2))
+    rows = {each.model: each for each in found.scores}
+    expected = np.sqrt(2) / (2 * np.pi * 20) + 0.5 / 271 + 0.5 / RATE
+    assert rows["exact spread"].delay == pytest.approx(expected, abs=0.3e-3)
+    assert rows["fast"].delay == pytest.approx(expected, abs=0.3e-3)
+    assert rows["truth at each frame"].delay == pytest.approx(0.5 / 271 + 0.5 / RATE, abs=0.2e-3)
+    assert np.isnan(rows["zeros"].delay)
+    assert np.isnan(rows["fast"].latency)
+
+
+def test_null_models_misplace_nothing_and_the_wide_spread_does():
+    found = score(make((0.0, 0.05, 1.0), (0.0, 0.0, 2.0), [(0.0, 0.0)] * 3))
+    rows = {each.model: each for each in found.scores}
+    assert rows["truth at each frame"].misplaced < 0.005
+    one, other = (spread(1.0, (0.0, 0.0), sigma) for sigma in (4e-3, 4.4e-3))
+    about = 0.5 * (np.abs(one - other).sum() + abs(one.sum() - other.sum()))
+    assert rows["fast"].misplaced == pytest.approx(about, rel=0.15)
+
+
+def test_latency_is_the_time_to_the_threshold_and_half_a_frame():
+    """A ramp of 10 N/s; the largest texel passes the dead zone of the electronics at a force in closed form."""
+    bench = dataclasses.replace(BENCH, parameters=dataclasses.replace(PARAMETERS, filter=None))
+    case = make((0.0, 0.1, 0.4), (0.0, 0.0, 3.0), [(0.0, 0.0)] * 3)
+    curves = case.divide(PARAMETERS.array.pitch[0])
+    found = score_moving(bench, case, curves, {state: solve(state) for curve in curves for state in curve.cases})
+    loads = np.linspace(0, 3, 3001)[1:]
+    forces = np.array([spread(load, (0.0, 0.0), 4e-3) for load in loads])
+    first = loads[np.argmax(np.asarray(PARAMETERS.electronics.counts(forces)).any(axis=1))]
+    rows = {each.model: each for each in found.scores}
+    assert rows["truth at each frame"].latency == pytest.approx(first / 10 + 0.5 / 271, abs=1.5e-3)
+    assert rows["truth at each frame"].latency_worst - rows["truth at each frame"].latency == pytest.approx(0.5 / 271)
+    assert np.isnan(rows["zeros"].latency)
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+def test_the_filter_of_a_sensor_equals_scipy(order):
+    forces = np.random.default_rng(order).normal(size=(400, 5))
+    parameters = dataclasses.replace(PARAMETERS, filter=Butterworth(cutoff_hz=35.0, order=order))
+    held = np.concatenate([np.repeat(forces[:1], 2000, axis=0), forces])
+    exact = sosfilt(butter(order, 35.0, fs=500.0, output="sos"), held, axis=0)[2000:]
+    assert filter_forces(parameters, forces, 1 / 500.0) == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize("late", [-4.2e-3, 0.0, 7.3e-3, 120e-3])
+def test_the_delay_of_a_shifted_signal_is_found_between_samples(late):
+    times = np.arange(3000) / RATE
+    given, found = (np.exp(-((times - 1 - shift) ** 2) / 0.02)[:, None] * [1.0, 3.0] for shift in (0.0, late))
+    assert measure_delay(given, found, 1 / RATE) == pytest.approx(late, abs=0.05e-3)
+
+
+def test_misplaced_force_compares_shapes_where_there_is_force():
+    true = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
+    found = np.array([[9.0, 0.0, 0.0], [2.0, 1.0, 1.0], [0.01, 0.01, 0.0]])
+    assert measure_misplaced(true, found) == pytest.approx(0.25)
+
+
+def test_frames_hold_the_latest_sample():
+    assert hold(np.arange(9.0), 250.0).tolist() == [0, 0, 0, 0, 4, 4, 4, 4, 8]
+
+
+def test_the_resonance_is_that_of_a_shear_layer():
+    """sqrt(G / rho) / (4 h) with G = E / (2 (1 + nu)), 1 MPa, nu 0.49, 2 mm, 1100 kg/m3."""
+    assert find_resonance(BENCH) == pytest.approx(np.sqrt(1e6 / 2.98 / 1100) / 8e-3)
+
+
+def test_fast_changes_of_the_load_are_warned_of():
+    found = score(make((0.0, 1e-3, 0.1), (0.0, 2.0, 2.0), [(0.0, 0.0)] * 3))
+    assert "inertia" in found.warnings[0]
+    assert not score(make((0.0, 0.1), (0.0, 2.0), [(0.0, 0.0)] * 2)).warnings
+
+
+@pytest.mark.slow
+def test_finite_elements_between_the_states_agree_with_a_press_at_that_load():
+    from fem_reference.indentation.press import press
+
+    bench = LayeredBench(cover=SENSOR.cover, parameters=fastmodel.load("wts-0614-34"))
+    case = make((0.0, 0.4), (0.0, 2.0), [(0.7e-3, 1.1e-3)] * 2)
+    (found,), faults = run_moving(bench, [case])
+    assert not faults
+    for instant in (100, 250, 333):
+        direct = press(SENSOR.cover, PARAMETERS.array, case.indenter, load=2.0 * instant / 400, pose=case.poses[0])
+        assert found.totals["truth"][instant] == pytest.approx(direct.texel_forces.sum(), rel=1e-4)
+    fast = next(each for each in found.scores if each.model == "fast")
+    assert fast.misplaced < 0.03

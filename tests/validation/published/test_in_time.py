@@ -1,0 +1,68 @@
+"""Terms of published models in time, against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt
+
+from validation.published.in_time import butterworth, mean_of, recursion
+from validation.published.rules import PUBLISHED
+
+STEP = 1e-3
+
+
+def test_graspit_falls_to_one_part_in_e_after_its_time_constant():
+    """y = 0.1 f + 0.9 y every 2.5 ms: 0.9^n after n computations, 1/e at 2.5 ms / -ln 0.9 = 23.73 ms."""
+    forces = np.concatenate([[1.0], np.zeros(200)])[:, None] * [2.0, 0.0]
+    (term,) = PUBLISHED["tegin-2005"].terms.values()
+    found = term(forces, 0.5e-3)
+    assert found[0, 0] == pytest.approx(2.0)
+    for count in (1, 4, 9, 39):
+        assert found[5 * count : 5 * count + 5, 0] == pytest.approx(2 * 0.9**count)
+    below = np.argmax(found[:, 0] < 2 / np.e) * 0.5e-3
+    assert 23.73e-3 <= below <= 23.73e-3 + 2.5e-3
+    assert not found[:, 1].any()
+
+
+def test_a_recursion_with_steps_longer_than_its_interval_keeps_its_time_constant():
+    """A step of 1 ms, computed every 0.25 ms: four computations with one sample."""
+    found = recursion(0.02, 0.25e-3)(np.append(0.0, np.ones(100)), STEP)
+    assert found[50] == pytest.approx(1 - 0.98 ** (4 * 50 - 3), abs=2e-3)
+
+
+def test_robworksim_has_the_time_constant_that_it_states():
+    """alpha = dt / (tau + dt) with tau = 0.1 s and dt = 1 ms: (1 - alpha)^n of a step is left."""
+    (term,) = PUBLISHED["robworksim-later"].terms.values()
+    found = term(np.append(0.0, np.ones(400)), STEP)
+    assert found[100] == pytest.approx(1 - (100 / 101) ** 100, rel=1e-9)
+
+
+@pytest.mark.parametrize(("samples", "interval", "late"), [(10, 1e-3, 4.5e-3), (4, 2e-3, 3.5e-3), (1, 1e-3, 0.0)])
+def test_a_mean_delays_a_ramp_by_half_its_length(samples, interval, late):
+    times = STEP * np.arange(100)
+    found = mean_of(samples, interval)(np.clip(times - 0.02, 0, None), STEP)
+    assert found[60:] == pytest.approx(times[60:] - 0.02 - late, abs=1e-12)
+
+
+@pytest.mark.parametrize(("order", "cutoff"), [(5, 20.0), (5, 8.0), (2, 5.0), (2, 2.0)])
+def test_the_settings_of_the_2015_report_pass_a_sine_with_the_gain_of_a_butterworth_filter(order, cutoff):
+    """|H| = (1 + r^2n)^-1/2 with r = tan(pi f / fs) / tan(pi fc / fs), the bilinear transform."""
+    term = PUBLISHED["report-0.8-5x5"].terms[f"order {order}, {cutoff:g} Hz"]
+    times = STEP * np.arange(20_000)
+    for frequency in (0.5 * cutoff, cutoff, 2 * cutoff):
+        found = term(np.sin(2 * np.pi * frequency * times), STEP)[10_000:]
+        ratio = np.tan(np.pi * frequency * STEP) / np.tan(np.pi * cutoff * STEP)
+        assert np.sqrt(2 * np.mean(found**2)) == pytest.approx((1 + ratio ** (2 * order)) ** -0.5, rel=2e-3)
+
+
+def test_a_filter_begins_in_the_steady_state_and_equals_scipy():
+    random = np.random.default_rng(2)
+    forces = random.normal(size=(300, 3))
+    found = butterworth(3, 30.0)(forces, STEP)
+    held = np.concatenate([np.repeat(forces[:1], 5000, axis=0), forces])
+    exact = sosfilt(butter(3, 30.0, fs=1 / STEP, output="sos"), held, axis=0)[5000:]
+    assert found == pytest.approx(exact, abs=1e-10)
+
+
+def test_models_with_a_term_in_time_say_so_in_words():
+    for model in PUBLISHED.values():
+        assert not model.terms or model.in_time
