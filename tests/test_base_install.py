@@ -79,6 +79,7 @@ def test_commands_of_the_base(run, tmp_path):
     assert json.loads(done.stdout)["models"]["fast"]["total_force"] == pytest.approx(0.5 * 9.80665, rel=1e-3)
     assert run("softcover", "store", "list").stdout.strip() == f"0 entries, 0 bytes in {tmp_path / 'store'}"
     assert "dragon-skin-30" in run("softcover", "materials").stdout
+    assert "nominal stress" in run("softcover", "materials", "tpu").stdout
     run("softcover", "init")
     assert "'.[fem]'" in run("softcover", "doctor").stdout
 

@@ -13,7 +13,7 @@ import fastmodel
 from fastmodel import Parameters
 from validation.errors import InputError, refuse_existing
 from validation.extras import REPORT_MODULES, require
-from validation.output_folder import make_file_name, new_folder, optional_folder, write_text
+from validation.output_folder import check_writable, make_file_name, new_folder, optional_folder, write_text
 from validation.parameters import find_parameters, holds_parameters
 from validation.sensor_file import BUILT_IN, SensorDescription
 from validation.sensor_file import load as load_description
@@ -412,6 +412,7 @@ def calibrate(
     from validation.text.quantity import read_quantity
 
     description = describe(sensor)
+    check_writable(*(Path(path) for path in (out, picture) if path is not None))
     for option, path in (("--out", out), ("--picture", picture)):
         refuse_existing(option, None if path is None else Path(path))
     if out is not None and description is BUILT_IN.get(description.name):
@@ -575,6 +576,7 @@ def datasheet(sensor: Sensor, *, out: str | Path | None = None, progress: Progre
     if target is not None and target.suffix not in {".md", ".html"}:
         raise InputError(f"--out: {target} is neither .md nor .html; write for example --out sensor.md")
     refuse_existing("--out", target)
+    check_writable(target)
     found = load_any(sensor)
     description = None if isinstance(found, Parameters) else found
     sheet = make_datasheet(find_parameters(found, progress), description)

@@ -177,6 +177,21 @@ def write_text(path: Path, text: str) -> None:
     atomic_file.sweep(path.parent)
 
 
+def check_writable(*paths: Path | None) -> None:
+    """Check before a long computation that files can be written; None stands for a file that is not wanted.
+
+    Raises:
+        OSError: If the folder of a file cannot be written.
+    """
+    for path in filter(None, paths):
+        folder = next(parent for parent in path.absolute().parents if parent.exists())
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
+
+
 def _write_manifest(folder: Path) -> None:
     """Write the manifest of a folder: the sha256 of every file in it."""
     hashes = {path.relative_to(folder).as_posix(): _hash(path) for path in _list_files(folder)}

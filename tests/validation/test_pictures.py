@@ -9,16 +9,16 @@ pytest.importorskip("matplotlib")
 from meshes import TexelArray
 from meshes.catalogue import MATERIALS
 from validation.calibration.calibrate import HoldOut, draw_hold_out
-from validation.report.material_curve import compute_stress, write_curve
+from validation.material_curve import compute_stress, write_curve
 
 
 @pytest.fixture
 def saved(monkeypatch):
-    """Figures by the name of the file that they are saved to, and the resolutions [dots per inch]."""
+    """Figures by their format, and the resolutions [dots per inch]."""
     figures = {}
 
-    def save(figure, path, *, dpi):
-        figures[path.name] = figure
+    def save(figure, _, *, dpi, format):  # noqa: A002 -- the name in matplotlib
+        figures[format] = figure
         assert dpi >= 150
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
@@ -29,7 +29,7 @@ def saved(monkeypatch):
 def test_a_curve_of_a_material_has_the_range_of_its_modulus_around_it(saved, tmp_path, name, factor, unit):
     material = MATERIALS[name]
     write_curve(material, tmp_path / "material.svg")
-    figure = saved["material.svg"]
+    figure = saved["svg"]
     (axes,) = figure.axes
     curve = axes.lines[0]
     strain, stress = curve.get_data()
@@ -57,7 +57,7 @@ def test_left_out_recordings_stand_above_their_prediction_and_the_difference(sav
         loads=loads, recorded=recorded, predicted=predicted,
     )  # fmt: skip
     assert draw_hold_out(held, array, tmp_path / "x.png") == tmp_path / "x.png"
-    figure = saved["x.png"]
+    figure = saved["png"]
     chosen, loads = [1, 2, 0, 6], [1, 3, 5, 7]  # the lightest, the heaviest, and evenly between
     panels = np.array([axes for axes in figure.axes if axes.images]).reshape(3, 4)
     assert figure.get_suptitle() == "left out: image changed 1.00 %"
@@ -82,5 +82,5 @@ def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_pat
         loads=[2.0], recorded=dark, predicted=dark,
     )  # fmt: skip
     draw_hold_out(held, TexelArray.grid(2, 3, 1e-3), tmp_path / "x.png")
-    images = [axes.images[0] for axes in saved["x.png"].axes if axes.images]
+    images = [axes.images[0] for axes in saved["png"].axes if axes.images]
     assert [image.get_clim() for image in images] == [(0, 1), (0, 1), (-1, 1)]

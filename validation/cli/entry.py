@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import errno
+import io
 import math
 import os
 import shlex
@@ -42,6 +44,8 @@ PIPE_CLOSED = 141
 #: Errors of the operating system that are due to the text of a path: a name that is too long, a file in place of a
 #: folder or the reverse, or a cycle of links.
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
+#: Characters of messages and results, and what stands for them in an encoding that lacks them.
+_PLAIN = {"±": "+-", "²": "2", "°": " deg", "µ": "u", "×": "x", "–": "-", "“": '"', "”": '"'}  # noqa: RUF001
 #: Largest number of faults of a user's input that are printed, one line each [-].
 _MOST_LINES = 50
 #: Commands by purpose, in the order of the help page.
@@ -127,6 +131,21 @@ for _name in _OPTIONS:
     app[_name].group = _group
 
 
+def _replace_character(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Replace a character that the encoding of the terminal lacks, so that no result is lost for a plus-minus sign.
+
+    Bytes of file names that are no text, which Python decodes as lone surrogates, are written as they were.
+    """
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    character = error.object[error.start]
+    is_byte = "\udc80" <= character <= "\udcff"
+    return bytes([ord(character) - 0xDC00]) if is_byte else _PLAIN.get(character, "?"), error.start + 1
+
+
+codecs.register_error(_replace_character.__name__, _replace_character)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command of the command line, then end the process with the command's exit status.
 
@@ -137,8 +156,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         SystemExit: Always, with the exit status.
     """
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # The shell closed the stream, as in `softcover materials >&-`.
+        stream = getattr(sys, name)
+        if stream is None:  # The shell closed the stream, as in `softcover materials >&-`.
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 -- open until the end
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=_replace_character.__name__)
     try:
         with _interrupt_on_terminate():
             status = _run(list(sys.argv[1:] if arguments is None else arguments))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import shutil
 import sys
 import textwrap
 import threading
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Largest width of the lines of a printed paragraph [characters].
 WIDTH = 80
+#: Smallest width of the lines of a printed paragraph, on a narrower terminal [characters].
+_LEAST_WIDTH = 40
 #: Shortest time between two lines of progress if standard error is no terminal [s].
 LINE_INTERVAL = 2.0
 #: Time between two lines of text which state that a computation is still busy [s].
@@ -61,7 +64,7 @@ def show(text: str) -> None:
 
 
 def show_wrapped(text: str, *, indent: str = "", further: str = "") -> None:
-    """Write a paragraph to standard output in lines of at most 80 characters.
+    """Write a paragraph to standard output in lines of at most 80 characters, fewer on a narrower terminal.
 
     Names, options and addresses are not divided, because users copy them.  A longer one has its own line.
 
@@ -70,8 +73,9 @@ def show_wrapped(text: str, *, indent: str = "", further: str = "") -> None:
         indent: Start of the first line.
         further: Start of the other lines.
     """
+    width = max(_LEAST_WIDTH, min(WIDTH, shutil.get_terminal_size().columns))
     wrapper = textwrap.TextWrapper(
-        WIDTH, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
+        width, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
     )
     show(wrapper.fill(text))
 

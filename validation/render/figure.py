@@ -7,18 +7,19 @@ of `validation.render.image`, so that a figure and the report's page show one va
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from meshes import atomic_file
 from meshes.array_types import FloatArray
 from validation.render.image import MASKED, Scale
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
@@ -50,7 +51,7 @@ _MARKS = 7
 
 @contextlib.contextmanager
 def open_figure(target: Path | IO[str], *, height: float, width: float = PAGE, **options: Any) -> Iterator[Figure]:  # noqa: ANN401
-    """Open a figure in the style of all figures, and save it at the end of the `with` block.
+    """Open a figure in the style of all figures, and save it, completely or not at all, after the `with` block.
 
     Args:
         target: File to write.
@@ -68,7 +69,13 @@ def open_figure(target: Path | IO[str], *, height: float, width: float = PAGE, *
     with rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
-        figure.savefig(target, dpi=_DPI, **options)
+        if not isinstance(target, Path):
+            figure.savefig(target, dpi=_DPI, **options)
+            return
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format=target.suffix[1:], dpi=_DPI, **options)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    atomic_file.replace(target, [drawn.getvalue()])
 
 
 def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str = "") -> AxesImage:

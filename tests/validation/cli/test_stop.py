@@ -46,6 +46,51 @@ def test_a_full_disk_is_named_with_the_file(softcover, monkeypatch, words):
     assert len(err.splitlines()) == 1
 
 
+def run_hostile(words, **changes):
+    environment = {**os.environ, **{name: value for name, value in changes.items() if value is not None}}
+    for name in (name for name, value in changes.items() if value is None):
+        environment.pop(name, None)
+    code = "from validation.cli import main; main()"
+    return subprocess.run(  # noqa: S603 -- ours
+        [sys.executable, "-c", code, *words], capture_output=True, check=False, env=environment, encoding="latin-1"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"LC_ALL": "C", "PYTHONIOENCODING": "ascii"},
+        {"PYTHONIOENCODING": "latin-1", "NO_COLOR": "1"},
+        {"HOME": None, "SOFTCOVER_STORE": None, "COLUMNS": "30"},
+        {"COLUMNS": "no number", "TERM": "dumb"},
+    ],
+    ids=str,
+)
+def test_no_surroundings_lose_a_result(changes):
+    done = run_hostile(["materials", "dragon-skin-30"], **changes)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "669" in done.stdout
+    assert ("+-50 %" in done.stdout) == ("LC_ALL" in changes)
+
+
+def test_a_file_that_cannot_be_written_is_told_before_the_work(softcover, without_reference):
+    for words in (["regress", "wts-0614-34", "--update", "--baseline"], ["datasheet", "wts-0614-34", "--out"]):
+        status, out, err = softcover(*words, "/proc/none.md")
+        assert (status, out) == (3, "")
+        assert err.startswith("softcover: /proc/none.md: cannot be written: ")
+        assert len(err.splitlines()) == 1
+
+
+def test_a_picture_is_written_completely_or_not_at_all(softcover, monkeypatch, tmp_path):
+    monkeypatch.setattr(atomic_file, "_write", full)
+    status, _, err = softcover("materials", "tpu", "--out", "tpu.png")
+    assert status == 3
+    assert "tpu.png" in err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_full_disk_is_named_when_a_library_writes(softcover, monkeypatch, tmp_path):
     """Errors of open files do not hold a path: the output folder is named."""
     monkeypatch.setattr("validation.output_folder._write_manifest", full)

@@ -66,7 +66,7 @@ def materials(
         return
     material = read_material_name(name)
     if out is not None:
-        from validation.report.material_curve import write_curve
+        from validation.material_curve import write_curve
 
         write_curve(material, out)
     output.print_json({"name": material.name, **_list_material(material)}) if json else _show_material(material)
@@ -104,7 +104,7 @@ def _show_material(material: Material) -> None:
     import numpy as np
 
     from meshes.material import MODELS
-    from validation.report.material_curve import compute_stress, trace_stress
+    from validation.material_curve import compute_stress, trace_stress
 
     def format_parameter(name: str) -> str:
         pressure = MODELS[material.model].parameters[name].unit == "Pa"

@@ -40,10 +40,11 @@ def regress(
         seed: Seed of the noise, from 0 on; no seed changes the verdict.
     """
     from validation import api
-    from validation.output_folder import optional_folder
+    from validation.output_folder import check_writable, optional_folder
     from validation.regression.baseline import write_junit
 
     _check_options(baseline, junit, out, seed, update=update)
+    check_writable(junit, baseline if update else None)
     source = options.read_sensor(sensor, any_cover=True)
     with optional_folder(out) as folder, output.Progress() as progress:
         options.tell_unused(source, ", and this check computes its finite elements without")

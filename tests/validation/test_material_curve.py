@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from fem_reference.materials import create_finite_strain_energy, volume_ratio
 from meshes import Material
 from meshes.catalogue import MATERIALS
-from validation.report.material_curve import compute_stress, trace_stress, write_curve
+from validation.material_curve import compute_stress, trace_stress, write_curve
 
 RUBBERS = [name for name, material in MATERIALS.items() if not material.small_strain_only]
 MOONEY = Material(name="m", model="mooney-rivlin", parameters={"c10": 1e5, "c01": 4e4}, poisson_ratio=0.5)
