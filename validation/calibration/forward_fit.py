@@ -591,6 +591,11 @@ class _Problem:
         self.method = method
         self.warmth = find_warmth(observations) if options.sessions and options.temperature else {}
         self.observations = replace(observations, temperatures=settle_temperatures(observations, self.warmth))
+        #: Rows and images of each placement, by its name.
+        self._images = {
+            each.name: ((rows := observations.rows_of(each)), self.observations.select(rows))
+            for each in observations.distinct_placements
+        }
         self.scale, self.weights = 1.0, np.ones(len(observations.loads))
         self._options = options
         self._guesses = {
@@ -635,12 +640,10 @@ class _Problem:
         layout = self.layout
         return _predict(layout.curve(vector), layout.session_curves(vector), forces, self.observations)
 
-    def _forces(self, vector: FloatArray) -> FloatArray:
-        return compute_forces(self.method, self.observations, self.layout.poses(vector))
-
     def misfit(self, vector: FloatArray) -> FloatArray:
         """Predicted minus recorded counts, shape (m, n) [-]."""
-        return self._predict(self._forces(vector), vector) - self.observations.counts
+        forces = compute_forces(self.method, self.observations, self.layout.poses(vector))
+        return self._predict(forces, vector) - self.observations.counts
 
     def residuals(self, vector: FloatArray) -> FloatArray:
         """Weighted residuals of the counts over their scale, followed by the residuals of the priors."""
@@ -653,19 +656,25 @@ class _Problem:
 
     def data_jacobian(self, vector: FloatArray) -> FloatArray:
         """Derivatives of the weighted residuals of the counts with respect to the p parameters, without the priors."""
-        layout, forces = self.layout, self._forces(vector)
-        base = self._predict(forces, vector)
+        layout = self.layout
+        poses, common, sessions = layout.poses(vector), layout.curve(vector), layout.session_curves(vector)
+        forces = compute_forces(self.method, self.observations, poses)
+        base = _predict(common, sessions, forces, self.observations)
         columns = np.zeros((*base.shape, len(vector)))
         for number, each in enumerate(layout.unknowns):
-            moved = vector.copy()
             if each.placement:
                 step = NUMBERS.position_step * min(self.method.array.pitch) if each.is_position else NUMBERS.angle_step
-                moved[number] += step
-                above = self._predict(self._forces(moved), vector)
-                moved[number] = vector[number] - step
-                columns[..., number] = (above - self._predict(self._forces(moved), vector)) / (2 * step)
+                rows, own = self._images[each.placement]
+                ends = []
+                for side in (step, -step):
+                    moved = poses[each.placement].vector
+                    moved[each.part] += side
+                    at = {each.placement: Pose(*moved.tolist())}
+                    ends.append(_predict(common, sessions, compute_forces(self.method, own, at), own))
+                columns[rows, :, number] = (ends[0] - ends[1]) / (2 * step)
             elif not each.is_gain:
                 step = NUMBERS.step * each.scale
+                moved = vector.copy()
                 moved[number] += step
                 columns[..., number] = (self._predict(forces, moved) - base) / step
         # A gain changes only the counts of its own texel, so that one difference gives all derivatives.
