@@ -18,6 +18,8 @@ from validation.calibration.model import BoolArray, ContactMethod, Observations,
 
 #: Candidates for the power of the load in the weight of an image [-].
 POWERS = (0.0, 1.0, 8.0)
+#: Descriptions of the seat of the indenter, without and with seating heights.
+SEATS = ("even seat", "seating heights")
 #: Largest number of left-out loads between others [-].
 _MOST_FOLDS = 3
 #: Smallest number of loads that must remain [-].
@@ -28,7 +30,7 @@ _SAME_LOAD = 1e-6
 
 def choose_options(
     method: ContactMethod, fitted: Observations, options: Options, scored: Observations
-) -> tuple[Options, dict[str, float]]:
+) -> tuple[Options, dict[str, tuple[float, ...]]]:
     """Choose the power of the load in the weights of images, and whether seating heights are fitted.
 
     Args:
@@ -38,12 +40,11 @@ def choose_options(
         scored: Images that will be predicted, of which loads and placements are used, and no counts.
 
     Returns:
-        The options with the smallest error, and the mean error of every candidate by its description [counts]; without
-        enough images the given options, and no errors.
+        The options with the smallest error, and the mean error with every power by the description of the seat
+        [counts]; without enough images the given options, and no errors.
     """
     folds = list_folds(fitted, scored.loads, scored.distinct_placements)
-    errors: dict[str, float] = {}
-    best = options
+    found: dict[tuple[bool, float], float] = {}
     for heights, power in itertools.product((False, True) if options.heights else (False,), POWERS if folds else ()):
         candidate = replace(options, heights=heights, load_power=power)
         differences = []
@@ -51,11 +52,12 @@ def choose_options(
             left_out = fitted.select(out)
             predicted = fit_forward(method, fitted.select(~out), candidate).predict(left_out)
             differences.append(float(np.abs(predicted - left_out.counts)[left_out.measured].mean()))
-        error = float(np.mean(differences))
-        if error < min(errors.values(), default=np.inf):
-            best = candidate
-        errors[f"power {power:g}{', seating heights' if heights else ''}"] = error
-    return best, errors
+        found[heights, power] = float(np.mean(differences))
+    if not found:
+        return options, {}
+    heights, power = min(found, key=found.__getitem__)
+    listed = {SEATS[seat]: tuple(error for (each, _), error in found.items() if each == seat) for seat, _ in found}
+    return replace(options, heights=heights, load_power=power), listed
 
 
 def list_folds(fitted: Observations, loads: FloatArray, placements: Sequence[Placement]) -> list[BoolArray]:

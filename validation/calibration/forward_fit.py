@@ -664,14 +664,14 @@ class _Problem:
         for number, each in enumerate(layout.unknowns):
             if each.placement:
                 step = NUMBERS.position_step * min(self.method.array.pitch) if each.is_position else NUMBERS.angle_step
-                rows, own = self._images[each.placement]
+                mine, own = self._images[each.placement]
                 ends = []
                 for side in (step, -step):
                     moved = poses[each.placement].vector
                     moved[each.part] += side
                     at = {each.placement: Pose(*moved.tolist())}
                     ends.append(_predict(common, sessions, compute_forces(self.method, own, at), own))
-                columns[rows, :, number] = (ends[0] - ends[1]) / (2 * step)
+                columns[mine, :, number] = (ends[0] - ends[1]) / (2 * step)
             elif not each.is_gain:
                 step = NUMBERS.step * each.scale
                 moved = vector.copy()

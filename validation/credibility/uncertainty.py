@@ -208,7 +208,7 @@ def _spread_modulus(material: Material) -> float:
 
 
 def _change_layer(index: int, what: str, cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
-    """Change a layer: the logarithm of its `modulus`, its `poisson` ratio, or its relative `thickness`."""
+    """Change a layer: the logarithm of its `modulus`, its `poisson` ratio, or the logarithm of its `thickness`."""
     layer = cover.layers[index]
     material, thickness = linearise_material(layer.material), layer.thickness
     if what == "modulus":
@@ -217,7 +217,7 @@ def _change_layer(index: int, what: str, cover: Cover, case: Case, by: float) ->
         # Young's modulus is constant; the Poisson ratio is limited to 0..0.5.
         material = replace(material, poisson_ratio=float(np.clip(material.poisson_ratio + by, 0.0, 0.5)))
     else:
-        thickness *= 1 + by
+        thickness *= math.exp(by)
     layers = list(cover.layers)
     layers[index] = replace(layer, thickness=thickness, material=material)
     return replace(cover, layers=tuple(layers)), case

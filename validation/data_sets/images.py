@@ -42,32 +42,24 @@ _LOADED = 0.9
 _SHORTEST_CREEP = 2.0
 
 
-def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
-    """Find the time from which the sum of counts stays above half its final value, until the load is removed.
+def find_load(times: FloatArray, total: FloatArray) -> tuple[float, int]:
+    """Find the time from which the sum of counts stays above half its final value, and where the load ends.
 
     Args:
         times: Times of the frames, shape (frames,) [s].
-        counts: Counts of the n texels, shape (frames, n) [-].
+        total: Sum of the counts of each frame, shape (frames,) [-].
 
     Returns:
-        Time at which the load was applied; the time of the last frame if the counts never rise [s].
+        Time at which the load was applied, that of the last frame if the counts never rise [s]; and the index of the
+        last frame under load, before frames during its removal.
     """
-    total, last = counts.sum(axis=1), _find_last(counts)
-    final = _measure_final(times, total, last)
+    last = int(np.flatnonzero(total >= APPLIED_SHARE * np.quantile(total, _LOADED))[-1])
+    final = float(np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])]))
     below = np.flatnonzero((total[: last + 1] < APPLIED_SHARE * final) | (final <= 0))
-    return float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])
-
-
-def _measure_final(times: FloatArray, total: FloatArray, last: int) -> float:
-    """Return the median sum of counts in the part before the end of a load."""
-    return float(np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])]))
-
-
-def _find_last(counts: FloatArray) -> int:
-    """Return the index of the last frame whose sum of counts is above half of that under load."""
-    total = counts.sum(axis=1)
-    above = np.flatnonzero(total >= APPLIED_SHARE * np.quantile(total, _LOADED))
-    return int(above[-1])
+    onset = float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])
+    if last + 1 < len(times) and final > 0:
+        last = int(np.flatnonzero(total >= NUMBERS.ended * final)[-1])
+    return onset, last
 
 
 def find_creep(age: FloatArray, counts: FloatArray, threshold: float) -> float:
@@ -346,7 +338,7 @@ def _zero(
                 f"array with {counts.shape[1]} texels as in {file.path}"
             )
     elif len(recording.forces):
-        unloaded = find_unloaded_by_force(np.interp(recording.times, recording.force_times, recording.forces))
+        unloaded = _read_forces(recording)[1]
     if file.zero == REST and not _has_varying_load(recording, file) and not unloaded.any():
         unloaded = find_unloaded(recording.times, counts[:, measured])
     try:
@@ -371,14 +363,12 @@ def _find_age(
         RecordingError: If nothing presses.
     """
     times, counts = recording.times, zeroed.counts[:, measured]
-    onset, last = find_load_onset(times, counts), _find_last(counts)
     total = counts.sum(axis=1)
+    onset, last = find_load(times, total)
     loaded = ~zeroed.unloaded if not zeroed.unloaded.all() else zeroed.unloaded
     floor = zeroed.find_floor(loaded)[measured]
     if load > 0 and (total[last] <= 0 or not (counts[loaded].mean(axis=0) > floor).any()):
         raise RecordingError(f"{file.path}: no texel differs from rest beyond noise; expected an array that is pressed")
-    if last + 1 < len(times):  # The load is removed: the frames during the removal are left out.
-        last = int(np.flatnonzero(total >= NUMBERS.ended * _measure_final(times, total, last))[-1])
     return np.asarray(times - onset), last + 1
 
 
@@ -431,7 +421,7 @@ def _check_range(image: Image, raw: CountArray, top: float) -> None:
 def _check_label(recording: Recording, image: Image, inside: BoolArray) -> None:
     """Refuse an image, of some of all frames, with a load that the force channel contradicts."""
     if len(recording.forces):
-        force = float(np.interp(recording.times[inside], recording.force_times, recording.forces).mean())
+        force = float(_read_forces(recording)[0][inside].mean())
         if abs(force - image.load) > NUMBERS.force_differs * image.load:
             raise RecordingError(
                 f"{image.file.path}: its load is said to be {image.load:.3g} N, and its force channel reads "
@@ -447,10 +437,17 @@ def _divide_by_force(recording: Recording, file: DataFile) -> Iterator[tuple[Boo
     """
     if not len(recording.forces):
         raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
-    loads = np.interp(recording.times, recording.force_times, recording.forces)
+    loads, _ = _read_forces(recording)
     numbers = np.arange(len(loads))
     for piece in np.array_split(numbers, min(NUMBERS.most_images, len(loads))):
         yield np.isin(numbers, piece), max(float(loads[piece].mean()), 0.0)
+
+
+def _read_forces(recording: Recording) -> tuple[FloatArray, BoolArray]:
+    """Return the force at each frame [N] and the frames at rest, shape (frames,); the force at rest is subtracted."""
+    forces = np.interp(recording.times, recording.force_times, recording.forces)
+    unloaded = find_unloaded_by_force(forces)
+    return forces - (float(np.median(forces[unloaded])) if unloaded.any() else 0.0), unloaded
 
 
 def _find_array(recording: Recording, file: DataFile, array: TexelArray) -> RecordedArray:

@@ -202,6 +202,8 @@ class RecordingScores(Result):
         source: Publication of the recordings.
         problems: One line per recording, series or split that was left out.
         errors: Comparison errors of the quantities under each scored load, by name of the split.
+        left_out: Error of fitted images that were left out, with weights by the load to each power of
+            `cross_validation.POWERS`, by name of the split and description of the seat [counts].
     """
 
     name: str
@@ -214,6 +216,7 @@ class RecordingScores(Result):
     source: str
     problems: tuple[str, ...]
     errors: Mapping[str, tuple[ComparisonError, ...]] = Field(default_factory=dict)
+    left_out: Mapping[str, Mapping[str, tuple[Number, ...]]] = Field(default_factory=dict)
 
     def row(self, split: str, model: str, *, texel_gains: bool = False) -> RecordingRow:
         """Return the row of a model on a split, with or without texel gains.

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from fastmodel import Electronics, Parameters
 from fastmodel.signal.electronics import grey_levels
 from meshes.array_types import FloatArray
-from validation.calibration.cross_validation import choose_options
+from validation.calibration.cross_validation import POWERS, choose_options
 from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward
 from validation.calibration.model import (
     ContactMethod,
@@ -104,6 +104,7 @@ def score_recordings(
         source=data_set.source,
         problems=tuple(problems),
         errors={table.split.name: table.compare(inputs or Inputs()) for table in tables},
+        left_out={table.split.name: table.left_out for table in tables},
     )
 
 
@@ -142,6 +143,7 @@ class _SplitTable:
         self._shown = max(self._scored, key=lambda image: image.load)
         self._options: Options | None = None
         self._chosen = ""
+        self.left_out: dict[str, tuple[float, ...]] = {}
         self._fast: ForwardFit | None = None
 
     @property
@@ -194,8 +196,10 @@ class _SplitTable:
             seated = all(image.file.placement.name in seats for image in self._scored)
             options = Options(output_max=float(electronics.output_max), heights=seated, sessions=True)
             self._options, errors = choose_options(method, self._observed, options, scored)
-            listed = ", ".join(f"{label} {error:.0f}" for label, error in errors.items())
-            self._chosen = f"error of left-out fitted images [counts]: {listed or 'none could be left out'}"
+            listed = "; ".join(f"{seat} {', '.join(f'{each:.0f}' for each in of)}" for seat, of in errors.items())
+            powers = f"weights by the load to the power {', '.join(f'{power:g}' for power in POWERS)}"
+            self._chosen = f"error of left-out fitted images [counts], {powers}: {listed or 'none could be left out'}"
+            self.left_out = errors
         options = self._options
         for chosen in (replace(options, gains=False, heights=False), options):
             found: ForwardFit = fit_forward(method, observe([*self._fitted, *self._placed]), chosen)

@@ -309,11 +309,12 @@ def make_array(
 def find_pressed_array(recording: Recording) -> int:
     """Return the index of the array with the largest load.
 
-    This is the array with the texel whose count changes most during the recording.  If no count changes by more than
-    `_PRESSED_SHARE` of the full scale, it is the array with the texel whose count is farthest above the median of its
-    array.  A load that rests on an array during the whole recording is then found as well.
+    This is the array with the texel whose count changes most during the recording, of those that measure.  If no count
+    changes by more than `_PRESSED_SHARE` of the full scale, it is the array with the texel whose count is farthest
+    above the median of its array.  A load that rests on an array during the whole recording is then found as well.
     """
-    arrays = [(array.counts.astype(np.int64), array.full_scale) for array in recording.arrays]
+    measured = [array.counts[:, array.enabled & array.texels.active] for array in recording.arrays]
+    arrays = [(c.astype(np.int64), array.full_scale) for c, array in zip(measured, recording.arrays, strict=True)]
     changes = [float(np.ptp(counts, axis=0).max(initial=0)) / scale if counts.size else 0.0 for counts, scale in arrays]
     if max(changes) <= _PRESSED_SHARE:
         changes = [float(counts.max() - np.median(counts)) / scale if counts.size else 0.0 for counts, scale in arrays]

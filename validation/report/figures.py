@@ -10,13 +10,14 @@ import dataclasses
 import io
 import logging
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from validation.calibration.cross_validation import POWERS
 from validation.derivation.base import Derivation
 from validation.derivation.layers import LayeredDerivation
 from validation.derivation.solid import SolidDerivation
@@ -58,11 +59,17 @@ class Pictures:
     missing: str = ""
 
 
-def render_svg(draw: Draw) -> str:
-    """Draw a plot as an SVG element without background, in which black becomes the colour of the page's text."""
+def render_svg(draw: Draw, width: float = 6, height: float = 3) -> str:
+    """Draw a plot as an SVG element without background, in which black becomes the colour of the page's text.
+
+    Args:
+        draw: Function that draws the plot.
+        width: Width [inches].
+        height: Height [inches].
+    """
     out = io.StringIO()
     metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with open_figure(out, width=6, height=3, format="svg", transparent=True, metadata=metadata) as figure:
+    with open_figure(out, width=width, height=height, format="svg", transparent=True, metadata=metadata) as figure:
         draw(figure.subplots())
     _, start, rest = out.getvalue().partition("<svg")
     # Names of groups are removed, because they would not be unique on a page with several plots.
@@ -146,6 +153,14 @@ def draw_moving(result: MovingResult, axes: Axes) -> None:
         axes.plot(result.times, result.totals[each.model], "--", linewidth=1, label=each.model)
     axes.set(xlabel="time [s]", ylabel="force on the texels [N]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
+
+
+def draw_left_out(errors: Mapping[str, Sequence[float]], axes: Axes) -> None:
+    """Draw the error of left-out images [counts] by the description of the seat, over the power of the load."""
+    for seat, values in errors.items():
+        axes.plot([f"{power:g}" for power in POWERS], values, "o-", label=seat)
+    axes.set(xlabel="weight of an image: power of its load", ylabel="left-out images [counts]")
+    axes.legend(**_ABOVE)
 
 
 @singledispatch

@@ -40,6 +40,7 @@ from validation.report.figures import (
     Pictures,
     draw_campaign,
     draw_cases,
+    draw_left_out,
     draw_moving,
     plot_responses,
     render_svg,
@@ -208,6 +209,7 @@ def _show_splits(scores: RecordingScores, array: TexelArray, cover: Cover) -> li
     for split in dict.fromkeys(row.split for row in scores.rows):
         rows = [row for row in scores.rows if row.split == split]
         own, best, _ = find_difference(rows)
+        chosen = scores.left_out.get(split)
         null, fast, least = best.model, *(each.pooled["image_changed_percent"].mean for each in (own, best))
         example = next(example for example in scores.examples if example.split == split)
         parameters: Mapping[str, Any] = {
@@ -220,6 +222,7 @@ def _show_splits(scores: RecordingScores, array: TexelArray, cover: Cover) -> li
                 "table": tabulate_recordings(split, rows, null),
                 "null": null,
                 "notes": scores.notes.get(split, ()),
+                "left_out": render_svg(partial(draw_left_out, chosen), 4, 2.2) if chosen else "",
                 "errors": tabulate(
                     f"errors-{split.replace(' ', '-')}",
                     "Comparison error E = S - D of the fast model with texel gains S against recorded counts D",

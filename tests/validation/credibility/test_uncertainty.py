@@ -271,3 +271,12 @@ def test_an_assumed_cover_is_never_more_certain_than_stated(bonded):
     for stated, expected in ((0.025, math.log(6) / math.sqrt(12)), (0.7, 0.7)):
         found = {name: value for name, value, _ in list_inputs(cover, only(thickness=stated))}
         assert found["thickness [relative]"] == pytest.approx(expected)
+
+
+def test_a_thickness_changes_in_its_logarithm(bonded):
+    """The range of ignorance is uniform there: both changed covers differ from the nominal one by the same factor."""
+    cover = dataclasses.replace(bonded(0.45), assumed=True)
+    (_, by, change), *_ = (each for each in list_inputs(cover, only()) if each[0].startswith("thickness"))
+    high, low = (change(cover, BALL, sign * by)[0].thickness / cover.thickness for sign in (1, -1))
+    assert high == pytest.approx(math.exp(math.log(6) / math.sqrt(12)))
+    assert high * low == pytest.approx(1)

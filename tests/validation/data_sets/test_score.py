@@ -115,7 +115,8 @@ def test_what_the_fitted_recordings_determine_is_said_of_the_fast_model(plain):
     found = score_set(data_set, score.FAST)
     compared, errors, *determined = found.notes["between"]
     assert compared == compare_with_nulls(found.rows)
-    assert errors.startswith("error of left-out fitted images [counts]: power 0 ")
+    left_out = found.left_out["between"]["even seat"]
+    assert f"power 0, 1, 8: even seat {', '.join(f'{each:.0f}' for each in left_out)}" in errors
     assert determined == list(describe_fit(fit(data_set, gains=True)))
 
 

@@ -122,6 +122,30 @@ def test_the_calibration_is_that_of_counts_without_an_offset(name, tmp_path):
         assert found.poses[place]["x_m"][0] == pytest.approx(plain.poses[place]["x_m"][0], abs=0.1e-3)
 
 
+def test_one_of_three_axes_is_imported_and_calibrated(tmp_path, softcover):
+    """Shear columns of the size of the signal stand beside the normal ones, and counts fall under load."""
+    random = np.random.default_rng(6)
+    for load in (4.0, 8.0, 16.0):
+        made = record(fall, load=load, seed=int(load))
+        lines = [f"# load = {load}", "# rows = 8", "# columns = 10", "# pitch = 0.005", "# full_scale = 65535"]
+        lines.append(";".join(["time", *(f"{axis}{n}" for n in range(N) for axis in "xyz")]))
+        shear = random.normal(9000, 900, (N, 2)).astype(int)
+        for time, counts in zip(made.times, made.arrays[0].counts, strict=True):
+            cells = np.column_stack([shear + 1000 * (time > 1.0), counts]).ravel()
+            lines.append(";".join([f"{time:.3f}".replace(".", ","), *map(str, cells)]))
+        path = tmp_path / f"{load:g}.csv"
+        path.write_text("\n".join(lines))
+        assert (
+            softcover("import", path, "--axis", "z", "--out", tmp_path / "z" / path.with_suffix(".mcap").name)[0] == 0
+        )
+    text = f"indenter = '{STAMP_TEXT}'\nwindow = [2, 4]\n[[series]]\nname = 'skin'\nfiles = 'z/*.mcap'\n"
+    images, _ = read_images(write_data_set(tmp_path, text), ARRAY)
+    found = calibrate(observe(images), METHOD)
+    mean = GAINS[found.texels].mean()
+    assert found.estimates["sensitivity"].value == pytest.approx(CURVE.sensitivity * mean, rel=0.01)
+    assert found.gains[found.texels] == pytest.approx(GAINS[found.texels] / mean, rel=0.03)
+
+
 def test_texels_that_nothing_presses_have_no_gain(tmp_path):
     """Noise of 30 counts about a zero of 820 is no image."""
     found, _ = calibrated(tmp_path, small, lift=True, noise=30.0)
@@ -340,6 +364,7 @@ def test_rest_by_force_has_the_noise_and_the_level_of_the_channel(load, shift, n
     images = read_image(describe_files([path], CommonKeys(window=[2, 4], load=load), ARRAY).files[0], ARRAY)
     plain = press(METHOD, CURVE, 10.0, POSE, noise=0.0).arrays[0].counts[-1]
     heaviest = max(images, key=lambda image: image.load)
+    assert heaviest.load == pytest.approx(10.0, abs=0.15 + noise)
     assert heaviest.counts.sum() == pytest.approx(plain.sum(), rel=0.02)
     assert np.abs(heaviest.counts - plain).max() < 10
 

@@ -59,6 +59,14 @@ def test_the_array_that_is_pressed_is_found_and_shown(tmp_path, capsys, counts, 
     assert np.array_equal([frame.counts for frame in frames], counts[pressed])
 
 
+@pytest.mark.parametrize("mask", ["enabled", "active"])
+def test_a_texel_that_does_not_measure_is_no_load(mask):
+    wild, pressed = _make_recording(_press(1, 4000), _press(3, 900)).arrays
+    on = np.arange(6) != 1
+    wild = make_array(2, 3, wild.counts, active=on) if mask == "active" else replace(wild, enabled=on)
+    assert find_pressed_array(replace(_make_recording(), arrays=(wild, pressed))) == 1
+
+
 def test_replay_shows_the_pressed_array_in_every_form(tmp_path, softcover):
     save(_make_recording(_press(0, 0), _press(0, 0), _press(4, 900)), tmp_path / "a.mcap")
     for words, shown in ([], 2), (["--array", "1"], 1):
