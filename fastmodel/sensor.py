@@ -170,6 +170,7 @@ class Sensor:
         self._interval, self._reader, self._functions = interval, reader, functions
         self._geoms = find_geoms_of(model, name, suffix)
         self._waits = self._every is None and self._contact.costly and parameters.filter is None
+        self._remembers = parameters.electronics.hysteresis_share > 0 or parameters.electronics.creep > 0
         self._validity = parameters.validity
         #: Distance of centres of pressure above which a warning is given, half a pitch [m]; None after the warning.
         self._farthest: float | None = 0.5 * min(parameters.array.pitch)
@@ -261,9 +262,9 @@ class Sensor:
         self._sampled_at = 0.0
         self._make_frame(None)
 
-    def _make_frame(self, noise: np.random.Generator | None) -> None:
-        """Make a frame from the latest filtered sample, with or without the noise of the electronics."""
-        self._state, made = self._functions.frame(self._state, noise)
+    def _make_frame(self, noise: np.random.Generator | None, frames: int = 0) -> None:
+        """Make a frame from the latest filtered sample, `frames` intervals after the last one."""
+        self._state, made = self._functions.frame(self._state, noise, frames=frames)
         vectors = _name_vectors(self._reading, made.others)
         self._frame = Frame(
             time=self._sampled_at,
@@ -282,7 +283,7 @@ class Sensor:
         Args:
             data: The state of the simulation after the step.
             skip: Whether a frame that is due now is left out, without reading contacts, because a later one is wanted
-                alone.  It has no effect if filter, hysteresis or `every` need all samples.
+                alone.  It has no effect if filter, hysteresis, creep or `every` need all samples.
 
         Returns:
             Whether a new frame was due, and made unless it was left out.
@@ -304,7 +305,7 @@ class Sensor:
             self._check_clock(now)
         self._time = now
         is_due = self._count_due(now) > self._frames
-        if skip and is_due and self._waits and not self.parameters.electronics.hysteresis_share:
+        if skip and is_due and self._waits and not self._remembers:
             self._steps, self._frames = self._steps + 1, self._count_due(now)
             return True
         if is_due if self._waits else self._steps % self._interval == 0:
@@ -323,8 +324,8 @@ class Sensor:
         due = self._count_due(self._sampled_at)
         if due <= self._frames:
             return False
-        self._frames = due
-        self._make_frame(self._noise)
+        passed, self._frames = due - self._frames, due
+        self._make_frame(self._noise, passed)
         return True
 
     def _read(self, data: mujoco.MjData) -> Reading:
@@ -479,9 +480,9 @@ class Sensor:
         """Return the state of the sensor as arrays by name, which `numpy.savez` writes.
 
         The state belongs to the state of the simulation at the same time, which `mujoco.mj_getState` returns with
-        `mjSTATE_INTEGRATION`.  It contains clocks, filter, hysteresis, noise, start values of the contact solver, the
-        latest contact forces and the latest frame.  Its arrays are copies.  Some of their shapes depend on the
-        contacts.
+        `mjSTATE_INTEGRATION`.  It contains clocks, filter, hysteresis, creep, noise, start values of the contact
+        solver, the latest contact forces and the latest frame.  Its arrays are copies.  Some of their shapes depend on
+        the contacts.
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -499,9 +500,9 @@ class Sensor:
         }
 
     def _get_chain(self) -> State:
-        """Return the states of filter, hysteresis and noise, as arrays by name."""
-        filtered, play = (np.array(each) for each in self._state)
-        return {"chain/filter": filtered, "chain/play": play, "chain/noise": pack_generator(self._noise)}
+        """Return the states of filter, hysteresis, creep and noise, as arrays by name."""
+        arrays = {f"chain/{name}": np.array(each) for name, each in self._state._asdict().items()}
+        return {**arrays, "chain/noise": pack_generator(self._noise)}
 
     def set_state(self, state: State) -> None:
         """Restore a state that `get_state` returned, also that of another sensor of the same array and model.
@@ -536,10 +537,10 @@ class Sensor:
         reading, frame = (unpack(state, name, (Reading, Frame)) for name in ("reading", "frame"))
         if not isinstance(reading, Reading) or not isinstance(frame, Frame) or not math.isfinite(reading.carried):
             raise FastModelError("state: reading or frame is not complete or not finite")
-        filtered, play, noise = (take_array(state, name, like) for name, like in self._get_chain().items())
+        filtered, play, creep, noise = (take_array(state, name, like) for name, like in self._get_chain().items())
         steps, frames = int(clock[0]), int(clock[1])
         self._reader.set_state({k.removeprefix("contact/"): v for k, v in state.items() if k.startswith("contact/")})
-        self._state, self._pressing = ChainState(filtered, play), take_array(state, "pressing").astype(np.int64)
+        self._state, self._pressing = ChainState(filtered, play, creep), take_array(state, "pressing").astype(np.int64)
         self._noise = unpack_generator(noise)
         self._reading, self._frame = reading, frame
         self._steps, self._frames = steps, frames

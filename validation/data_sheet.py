@@ -281,6 +281,14 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
         "needs recordings with rising and falling loads (`softcover calibrate`)" if loop is None else source,
         {"hysteresis_N": loop},
     )
+    creep = electronics.creep or None
+    yield _make_entry(
+        "creep",
+        creep and f"{100 * creep:.3g} % in a factor e of time",
+        "growth of the reading under a constant load, 1 + c ln(t / 2 s)",
+        "needs recordings that hold a load (`softcover calibrate`)" if creep is None else source,
+        {"creep_per_ln_time": creep},
+    )
     linearity = find_nonlinearity(electronics)
     yield _make_entry(
         "linearity",

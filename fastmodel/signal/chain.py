@@ -28,6 +28,7 @@ from fastmodel.errors import FastModelError
 from fastmodel.parameters import Parameters
 from fastmodel.signal.array_namespace import Array, check_floats, convert, find_namespace
 from fastmodel.signal.butterworth import LowPass
+from fastmodel.signal.creep import Creep
 from fastmodel.signal.electronics import describe_calibration
 from fastmodel.signal.point_spread import build_operator
 
@@ -41,10 +42,12 @@ class ChainState(NamedTuple):
         filter: States of the low-pass filter of n + 1 + m signals, shape (k, ..., n + 1 + m) [N].  The last of the k
             entries is the filtered sample.  The signals are the force on every texel, the total force, and m others.
         play: Output of each texel's play operator, which models hysteresis, shape (..., n) [N].
+        creep: States of the creep of each texel, shape (m, ..., n) [N]; m is 0 without creep.
     """
 
     filter: Array
     play: Array
+    creep: Array
 
 
 class ChainOutput(NamedTuple):
@@ -98,11 +101,12 @@ class ChainFunctions:
             _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
         self._namespace, self._active = namespace, None if array.active.all() else array.active.astype(np.float64)
         self._low_pass, self._ones = LowPass(parameters.filter, rate_hz), np.ones(array.count)
+        self._creep = Creep(parameters.electronics.creep)
         # The operator is transposed, because the forces stand on its left: texels are their last dimension.
         self._spread = build_operator(parameters.spread, array).T if spreads else None
 
     def settle(self, forces: Array, carried: Array | None = None, others: Array | None = None) -> ChainState:
-        """Return the steady state under constant forces, without hysteresis.
+        """Return the steady state under constant forces, without hysteresis; with creep, that after a hold of 2 s.
 
         Args:
             forces: Constant contact force on each texel, shape (..., n) [N].
@@ -114,7 +118,8 @@ class ChainFunctions:
         """
         signals = self._join(forces, carried, others)
         play = find_namespace(signals).zeros_like(signals[..., : self._count])
-        return ChainState(self._low_pass.settle(signals), play)
+        steady = self._low_pass.settle(signals)
+        return ChainState(steady, play, self._creep.settle(self._spread_forces(steady)))
 
     def take(
         self, state: ChainState, forces: Array, carried: Array | None = None, others: Array | None = None
@@ -133,10 +138,10 @@ class ChainFunctions:
         """
         signals = self._join(forces, carried, others)
         check_floats("state.filter", state.filter, signals, (state.filter.shape[0], *signals.shape))
-        return ChainState(self._low_pass.step(state.filter, signals), state.play)
+        return ChainState(self._low_pass.step(state.filter, signals), state.play, state.creep)
 
     def frame(
-        self, state: ChainState, noise: np.random.Generator | Array | None = None
+        self, state: ChainState, noise: np.random.Generator | Array | None = None, *, frames: int = 1
     ) -> tuple[ChainState, ChainOutput]:
         """Return the frame made from the latest sample, and the state after the frame.
 
@@ -144,17 +149,18 @@ class ChainFunctions:
             state: The state after the latest sample.
             noise: Random generator of the noise of the electronics, for arrays of numpy; or independent numbers with
                 the standard normal distribution, shape (..., n) [-]; None for frames without noise.
+            frames: Number of frame intervals since the last frame, in which the forces creep [-].
 
         Raises:
             FastModelError: If the noise has another shape, element type or device than the forces.
         """
         electronics, filtered, count = self._electronics, state.filter[-1, ...], self._count
-        pressing = filtered[..., :count]
-        forces = pressing if self._spread is None else pressing @ convert(self._spread, filtered)
+        forces = self._spread_forces(state.filter)
         xp = find_namespace(forces)
         if noise is not None and not isinstance(noise, np.random.Generator):
             noise = check_floats("noise", noise, forces, tuple(forces.shape))
-        delayed, play = electronics.apply_hysteresis(forces, state.play)
+        crept, creep = self._creep.step(state.creep, forces, frames / electronics.rate_hz)
+        delayed, play = electronics.apply_hysteresis(crept, state.play)
         counts = electronics.counts(delayed, noise)
         if self._active is not None:
             counts = xp.where(convert(self._active, forces) > 0, counts, xp.zeros_like(counts))
@@ -166,7 +172,12 @@ class ChainFunctions:
             outside=filtered[..., count] - forces @ convert(self._ones, forces),
             others=filtered[..., count + 1 :],
         )
-        return ChainState(state.filter, play), output
+        return ChainState(state.filter, play, creep), output
+
+    def _spread_forces(self, filtered: Array) -> Array:
+        """Return the spread forces on n texels of the latest filtered sample, shape (..., n) [N]."""
+        pressing = filtered[-1, ..., : self._count]
+        return pressing if self._spread is None else pressing @ convert(self._spread, filtered)
 
     def _join(self, forces: Array, carried: Array | None, others: Array | None) -> Array:
         """Join the forces on n texels, the total force, and m other signals, shape (..., n + 1 + m) [N]."""

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from fastmodel.errors import FastModelError
 from fastmodel.signal.array_namespace import Array, as_floats, cast, find_namespace, round_half_to_even
+from fastmodel.signal.creep import MOST_CREEP
 
 #: Grey level of white in an 8-bit image [-].
 WHITE = 255
@@ -61,6 +62,8 @@ class Electronics:
             times the share [N].
         temperature_coefficient: Relative change of the measured force per kelvin; 0 for none [1/K].
         temperature_excess: Temperature minus the temperature at which the characteristic was measured [K].
+        creep: Growth of the force that counts stand for, in a factor e of the time under a constant load, see
+            `fastmodel.signal.creep` [-].
         calibrated: Force that is the argument of the characteristic. `"texel force"` is the force on the texel, after
             spread. `"through the cover, tip 1 mm"` is the force that a rod with a hemispherical end of 1 mm radius
             (`meshes.RoundedTip`), or of another number of millimetres, applies to the cover over a texel's centre.
@@ -84,6 +87,7 @@ class Electronics:
     hysteresis_width: float = 0.0
     temperature_coefficient: float = 0.0
     temperature_excess: float = 0.0
+    creep: float = 0.0
     calibrated: str = TEXEL_FORCE
     tip_share: float | None = None
 
@@ -106,6 +110,7 @@ class Electronics:
             f"hysteresis_share must lie in 0..1, not {self.hysteresis_share}": 0 <= self.hysteresis_share <= 1,
             "temperature_coefficient times temperature_excess must exceed -1; the gain is "
             f"{self.temperature_gain}": self.temperature_gain > 0,
+            f"creep must lie in 0..{MOST_CREEP:g}, not {self.creep}": 0 <= self.creep <= MOST_CREEP,
             f"noise must not be negative, not {self.noise}": 0 <= self.noise < inf,
             f"hysteresis_width must not be negative, not {self.hysteresis_width}": 0 <= self.hysteresis_width < inf,
             f"threshold must not be negative, not {self.threshold}": 0 <= self.threshold < inf,

@@ -20,6 +20,7 @@ import tomli_w
 from pydantic import Field
 
 from fastmodel import METHODS
+from fastmodel.signal.creep import MOST_CREEP
 from fastmodel.signal.electronics import TEXEL_FORCE, WTS_0614_34, grey_levels
 from meshes import TexelArray
 from meshes.array_types import FloatArray
@@ -191,6 +192,8 @@ class Calibration(Result):
             table["saturation_band"] = round(found["saturation_band"], 1)
         if "noise" in found:
             table["noise"] = f"{found['noise'] / found['sensitivity']:.4g} N"
+        if "creep" in found:
+            table["creep"] = round(min(max(found["creep"], 0.0), MOST_CREEP), 4)
         return table
 
     def write_files(

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from fastmodel.signal.creep import MOST_CREEP
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover
 from meshes.layer import ONE_LAYER, Layers
@@ -289,6 +290,7 @@ class ElectronicsTable(Table):
         saturation_band: Counts below output_max over which the curve bends into saturation.
         characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, instead of sensitivity.
         gains: One factor for each texel.
+        creep: Growth of the reading in a factor e of the time under a constant load, 0 to 0.2.
         calibrated: Force of the characteristic: "texel force", or "through the cover, tip 1 mm".
     """
 
@@ -302,6 +304,7 @@ class ElectronicsTable(Table):
     saturation_band: _Counts = 0.0
     characteristic: Annotated[list[types.Number], AfterValidator(_refuse_other_degrees)] | None = None
     gains: list[types.Number] | None = None
+    creep: Annotated[float, types.number(0, MOST_CREEP)] = 0.0
     calibrated: Annotated[str, types.Read(_read_calibration)] = TEXEL_FORCE
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
