@@ -128,7 +128,12 @@ def read_campaign(path: Path | None, places: Places) -> Campaign:
         return parse_campaign({}, places, source="built-in")
     if str(path) in BUILT_IN and not path.exists():
         return parse_campaign(_read_default(f"{path}.toml"), places, source=f"built-in {path}")
-    return parse_campaign(read_raw(path, CampaignTables), places, source=str(path))
+    tables = read_raw(path, CampaignTables)
+    if not tables:
+        raise InputError(
+            f"{path}: is empty; write [[case]] or [required], or leave the file out for the built-in campaign"
+        )
+    return parse_campaign(tables, places, source=str(path))
 
 
 @cache

@@ -17,7 +17,17 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
+from cyclopts import (
+    App,
+    CycloptsError,
+    Group,
+    MissingArgumentError,
+    Parameter,
+    Token,
+    UnknownCommandError,
+    UnusedCliTokensError,
+    convert,
+)
 
 from fem_reference.errors import ConvergenceError
 from validation.cli.output import forget_notes, say, say_notes
@@ -284,7 +294,7 @@ def _refuse_unusable(words: Sequence[str]) -> None:
 
 
 def _clarify(error: Exception, words: Sequence[str]) -> Exception:
-    """Replace two kinds of errors of the argument parser by errors that name the accepted values.
+    """Replace three kinds of errors of the argument parser by errors that name the accepted values.
 
     Args:
         error: Error of a command; errors of other kinds are returned unchanged.
@@ -297,6 +307,10 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
         word = next((word for word in rest if not word.startswith("-")), rest[0])
         known = [name for name in group if not name.startswith("-")]
         return InputError(f"unknown {kind} {word!r}; {nearest(word, known)}")
+    if isinstance(error, UnusedCliTokensError):
+        return InputError(
+            f"unexpected {', '.join(map(repr, error.unused_tokens or ()))}; see: softcover {_command(words)}--help"
+        )
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         name = error.argument.name
         if error.argument.index is not None:  # A positional argument is named as in the help: SENSOR.

@@ -109,6 +109,36 @@ store --json lst | unknown action 'lst'; did you mean 'list'
 calibrate x.mcap --sensor WTS --window 9:6 | the earlier time first
 calibrate x.mcap --sensor WTS --out new.toml | wts-0614-34 is built in and has no file to copy
 dervie WTS | did you mean 'derive'
+demo extra | unexpected 'extra'; see: softcover demo --help
+derive WTS --thickness nanmm | --thickness: 'nanmm' is not a length
+derive WTS --thickness 1e400mm | --thickness: '1e400mm' is too large
+derive WTS --layer 0:thickness=1mm | --layer: the cover has no layer 0, only layer 1
+derive WTS --layer thickness=1mm | is not a layer's number, a colon and KEY=VALUE
+derive WTS --layer 1:thickness | --layer 1: thickness has no value
+derive WTS --layer 1:poisson_ratio=0.6 | --layer 1: poisson_ratio: must lie in 0..0.5
+derive WTS --layer 1:hardness=500 | --layer 1: hardness: '500' has no scale
+derive WTS --format pdf | Choose from: "png", "svg"
+press WTS BALL --depth 1mm | --load, --depth: give one of them
+press WTS --indenter sphere:radius=1km --load 1N | accepted: 0.02..1000 mm
+press WTS --indenter cone:angle=200deg,radius=4mm --load 1N | between 0 and 180 degrees, not 200
+press WTS --indenter prism:points=0,0/1mm,0 --load 1N | three corners or more, not 2
+press WTS --indenter mesh:path=none.stl --load 1N | none.stl: No such file or directory; give the path
+press WTS --indenter sphere:radius=5mm --load 1e9N | accepted: 1e-06..1e+06 N
+press WTS BALL --at=nowhere | --at: unknown place 'nowhere'; accepted: centre
+press WTS BALL --at=1mm,2mm,3mm | --at: '1mm,2mm,3mm' is not 2 values
+press WTS BALL --tilt=20deg,0deg | --tilt: a tilt may have at most 10 degrees
+press WTS BALL --strain finite | --strain: layers follow their materials
+press WTS BALL --accuracy 5 | --accuracy: '5' is not a share between 0 and 1
+press WTS BALL --friction=-1 | --friction: '-1' is not zero
+mesh WTS | has a flat cover, which needs no mesh file
+view WTS BALL --display tv | --display: unknown place 'tv'; accepted: auto
+validate WTS --budget -5min | --budget: '-5min' is not a positive time
+validate WTS --budget 5min --quick | give one of the two
+validate WTS --only-recordings | name the recordings
+validate WTS --data-set none | none: no such data-set file
+regress WTS --baseline none.json | none.json: no such file; write one with --update
+record x --out touch.txt | --out: touch.txt does not end in .mcap and is no folder; write touch.mcap
+emulate --rate=-5 | --rate: must be positive, not -5
 --json press | --json: unknown option; the options of a command follow its name
 """
 
@@ -118,8 +148,56 @@ def test_bad_input_is_one_line_and_status_2(softcover, tmp_path, command, said):
     status, out, err = softcover(*split_command(command))
     assert (status, out) == (2, "")
     assert said in err
-    assert all(line.startswith("softcover: ") for line in err.splitlines())
+    assert all(line.startswith(("softcover: ", "[")) for line in err.splitlines())  # a slow machine tells its progress
     assert list(tmp_path.iterdir()) == []
+
+
+#: Files with faults, for the commands below.
+FILES = {
+    "empty.toml": "",
+    "ok.csv": "# rows = 1\ntime,a,b\n0,1,2\n1,3,2\n",
+    "none.csv": "time,a\n",
+    "nan.csv": "# rows = 1\ntime,a,b\n0,nan,1\n",
+    "shape.csv": "# rows = 3\n# columns = 1\ntime,a,b\n0,1,2\n",
+    "pipes.csv": "time|a|b\n0|1|2\n",
+    "base.json": "nothing",
+    "empty.stl": "",
+}
+#: Words of commands on these files, and what the line says.
+REFUSED_FILES = """
+derive ok.csv | ok.csv: not a TOML file that is accepted
+derive WTS --out ok.csv | is a file; name a folder
+press WTS --indenter mesh:path=empty.stl --load 1N | empty.stl is not a whole STL file
+validate WTS --campaign empty.toml | empty.toml: is empty; write [[case]] or [required]
+validate WTS --recordings ok.csv | ok.csv: no such folder; expected a folder with recordings
+regress WTS --baseline base.json | base.json: not a JSON file that is accepted
+replay empty.stl | empty.stl
+replay none.csv | none.csv: no frames; expected at least one line of numbers
+replay nan.csv | nan.csv, line 3: all numbers must be finite
+replay shape.csv | 2 texels are not 3 rows x 1 columns; write for example `# rows = 2`
+replay pipes.csv | pipes.csv, line 1: 1 columns between commas, 'time|a|b'
+replay ok.csv --array 3 | --array
+replay ok.csv --rows 7 | 2 texels are not 7 rows
+replay ok.csv --csv ok.csv | --csv: ok.csv exists; name a new file
+import ok.csv --axis w | one column per texel (a, b, ...) and axis = w; leave the axis out
+import ok.csv --force nan.csv | nan.csv, line 3
+import ok.csv --load 5 | --load: '5' has no unit
+calibrate ok.csv --sensor WTS | ok.csv: its labels name no tool; give --indenter
+calibrate ok.csv --sensor ok.csv | ok.csv: not a TOML file
+init empty.toml | empty.toml: exists already; name another file, or replace it with --force
+emulate --show none.toml | no pattern, sensor, recording or folder 'none.toml'; accepted: blob
+"""
+
+
+@pytest.mark.parametrize(("command", "said"), split_table(REFUSED_FILES))
+def test_bad_files_are_one_line_and_status_2(softcover, tmp_path, command, said):
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    status, out, err = softcover(*split_command(command))
+    assert (status, out) == (2, "")
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(FILES)
 
 
 @pytest.mark.parametrize("number", ["2.0", "many"])

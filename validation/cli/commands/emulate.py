@@ -60,6 +60,8 @@ def emulate(
     from validation.weiss.virtual import PseudoTerminal, SerialEnd, VirtualSensor, serve
 
     options.check_range("--seconds", seconds)
+    if not rate > 0:
+        raise InputError(f"--rate: must be positive, not {rate:g}; write for example --rate 100")
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
     with at(""):
         shown = _find_shown(show, array, indenter, load)

@@ -64,6 +64,8 @@ def record(
     options.check_range("--reconnect", reconnect)
     if seconds is not None and interval_ms * 1e-3 > seconds:
         raise InputError(f"--interval-ms: no frame would come within --seconds {seconds:g}; give a shorter interval")
+    if out.suffix not in {"", ".mcap"} and not out.is_dir():
+        raise InputError(f"--out: {out} does not end in .mcap and is no folder; write {out.stem}.mcap")
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
     with LiveImage(quiet=json) as live:
         done = api.record(

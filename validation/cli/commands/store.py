@@ -87,7 +87,7 @@ def verify_entries(*, json: options.Json = False) -> int:
 @store.command(name="prune")
 def prune_entries(
     *,
-    older_than: Annotated[str | None, Parameter(metavar="TIME")] = None,
+    older_than: Annotated[str | None, Parameter(metavar="TIME", allow_leading_hyphen=True)] = None,
     keep_latest: int | None = None,
     other_code: bool = False,
     everything: Annotated[bool, Parameter(name="--all")] = False,

@@ -72,7 +72,7 @@ def validate(
     *,
     campaign: options.File | None = None,
     quick: _Quick = False,
-    budget: Annotated[str | None, Parameter(metavar="TIME")] = None,
+    budget: Annotated[str | None, Parameter(metavar="TIME", allow_leading_hyphen=True)] = None,
     recordings: _Recordings = None,
     data_set: Annotated[str | None, Parameter(metavar="FILE")] = None,
     only_recordings: Annotated[bool, Parameter(name="--only-recordings")] = False,
