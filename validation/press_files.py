@@ -70,7 +70,8 @@ def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
         except ImportError:
             _LOG.warning("no fields.vtu: %s", MissingExtraError("pyvista"))
     title = f"{describe_indenter(case.shape)}, on {array.name}, {found.total_force:.4f} N"
-    scene = show_indentation(found, array, direction=case.pose.towards, title=title)
+    cover = getattr(comparison.sensor, "cover", None)
+    scene = show_indentation(found, array, case.indenter, case.pose, cover=cover, title=title)
     return (*files, *write_picture(comparison, folder), *write_scene(scene, folder))
 
 

@@ -70,9 +70,12 @@ def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
     cover = getattr(comparison.sensor, "cover", None)
     flat = isinstance(cover, Cover)
     width = PAGE if len(images) > 1 else COLUMN
+    rows, columns = comparison.sensor.array.rows, comparison.sensor.array.columns
+    x, y = comparison.sensor.array.pitch
+    tall = min(max(1.4 + 1.6 * rows * y / (columns * x), 2.4), 3.9)  # as high as the images need
     try:
-        with open_figure(folder / "press.png", width=width, height=3.9 + 1.9 * flat) as figure:
-            above, *below = figure.subfigures(1 + flat, 1, squeeze=False, height_ratios=(3.9, 1.9)[: 1 + flat])[:, 0]
+        with open_figure(folder / "press.png", width=width, height=tall + 1.9 * flat) as figure:
+            above, *below = figure.subfigures(1 + flat, 1, squeeze=False, height_ratios=(tall, 1.9)[: 1 + flat])[:, 0]
             _draw_images(above, comparison, images)
             if isinstance(cover, Cover):
                 _draw_section(below[0].subplots(), comparison, cover)

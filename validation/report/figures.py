@@ -189,7 +189,7 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
             case, name = result.case, f"case-{index + 1:02d}.png"
             title = f"{case.name}: {describe_indenter(case.shape)}, {case.load:.3g} N"
             scene = show_indentation(
-                result.reference.found, derivation.sensor.array, direction=case.pose.towards, title=title
+                result.reference.found, derivation.sensor.array, case.indenter, case.pose, title=title
             )
             if scene is not None:
                 write_picture(scene, folder / name)

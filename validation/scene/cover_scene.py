@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from meshes import TexelArray
+from meshes import Cover, Indenter, Pose, TexelArray
 from meshes.array_types import FloatArray, IntArray
 from meshes.solids.solid_mesh import SolidMesh
 
@@ -22,6 +22,10 @@ class _Numbers:
     turn: int = 48
     #: Distance from the contact up to which a wide cover is drawn, over the thickness of the cover [-].
     surroundings: float = 4.0
+    #: Distance from the top within which nodes lie on it, over the thickness of the cover [-].
+    on_top: float = 1e-6
+    #: Number of steps in which an indenter is moved to the points that it touches; one is enough without tilt [-].
+    steps: int = 8
     #: Largest stress of one layer, over that of another layer, above which the colour scale is logarithmic [-].
     uneven: float = 20.0
 
@@ -61,7 +65,10 @@ class CoverScene:
         texels: Texels; None for none.
         texel_forces: Forces on the n texels, shape (n,) [N]; None for none.
         touched: Point of the undeformed cover where the indenter touches it, shape (3,) [m]; None without an indenter.
-        direction: Unit vector of the load, shape (3,) [-].
+        indenter: The indenter; None without one.
+        pose: Pose of the pressed indenter, whose point lies where the indenter's lowest point on its axis came to.
+        layers: Names of the layers, bottom first; empty where the elements have none.
+        layer: Index of the layer of each element, shape (e,); None where the elements have none.
         title: Text above the picture.
         limits: Largest distance from `touched` along x and y within which the cover is drawn [m]; infinite for the
             whole cover.
@@ -79,13 +86,22 @@ class CoverScene:
     texels: TexelArray | None = None
     texel_forces: FloatArray | None = None
     touched: FloatArray | None = None
-    direction: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    indenter: Indenter | None = None
+    pose: Pose = field(default_factory=Pose)
+    layers: tuple[str, ...] = ()
+    layer: IntArray | None = None
     title: str = ""
     limits: float = float("inf")
 
 
 def show_indentation(
-    found: Indentation, texels: TexelArray, *, direction: FloatArray, title: str = ""
+    found: Indentation,
+    texels: TexelArray,
+    indenter: Indenter,
+    pose: Pose,
+    *,
+    cover: object = None,
+    title: str = "",
 ) -> CoverScene | None:
     """Prepare the picture of an indentation; None if the result has neither a mesh nor fields.
 
@@ -96,11 +112,13 @@ def show_indentation(
     Args:
         found: Result of `press`.
         texels: Texels of the array.
-        direction: Unit direction of the load, shape (3,).
+        indenter: The indenter.
+        pose: Its pose before the load.
+        cover: The cover, whose layers are named.
         title: Text above the picture.
     """
     if found.mesh is not None:
-        return _show_solid(found, texels, direction, title)
+        return _show_solid(found, texels, indenter, pose, title)
     if found.fields is None:
         return None
     fields = found.fields
@@ -111,6 +129,10 @@ def show_indentation(
     if fields.axisymmetric:
         fields = _revolve(fields)
     height = top - float(fields.position[:, 2].min())
+    on_top = np.flatnonzero(fields.position[:, 2] > top - _NUMBERS.on_top * height)
+    touched = np.column_stack([places[weight > 0], np.full(int((weight > 0).sum()), top)])
+    nearest = on_top[KDTree(fields.position[on_top]).query(touched)[1]]
+    layers = cover.layers if isinstance(cover, Cover) else ()
     return CoverScene(
         position=fields.position,
         displacement=fields.displacement,
@@ -124,12 +146,33 @@ def show_indentation(
         texels=texels,
         texel_forces=found.texel_forces,
         touched=np.array([*middle, top]),
+        indenter=indenter,
+        pose=_advance(pose, indenter, touched + fields.displacement[nearest]),
+        layers=tuple(f"{layer.material.name}, {1e3 * layer.thickness:.3g} mm" for layer in layers),
+        layer=fields.layer,
         title=title,
         limits=reach + _NUMBERS.surroundings * height,
     )
 
 
-def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, title: str) -> CoverScene:
+def _advance(pose: Pose, indenter: Indenter, touched: FloatArray) -> Pose:
+    """Move an indenter along its motion until its surface passes through points that it touches.
+
+    Args:
+        pose: Pose of the indenter, at any distance.
+        indenter: The indenter.
+        touched: Points of the deformed cover that the indenter touches, shape (m, 3) [m].
+    """
+    along = -float(pose.towards @ pose.rotation[:, 2])
+    for _ in range(_NUMBERS.steps):
+        x, y, z = pose.points_to_indenter(touched).T
+        missing = indenter.gap(x, y) - z
+        step = np.median(missing[np.isfinite(missing)]) / along if np.isfinite(missing).any() else 0.0
+        pose = replace(pose, point=tuple((pose.position + step * pose.towards).tolist()))
+    return pose
+
+
+def _show_solid(found: Indentation, texels: TexelArray, indenter: Indenter, pose: Pose, title: str) -> CoverScene:
     """Prepare the picture of an indentation of a solid cover."""
     from fem_reference.curved_cover.responses import find_top
     from meshes.solids.facets import area_vectors, split_facet
@@ -139,9 +182,9 @@ def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, t
     if mesh is None or moved is None:
         raise ValueError("the result has no mesh")
     top = find_top(mesh)
-    nearest = KDTree(top.nodes).query(found.contact_points)[1]
+    nearest = np.asarray(KDTree(top.nodes).query(found.contact_points)[1])
     inward = -np.einsum("mc,mc->m", found.contact_forces, top.normals[nearest])
-    forces = np.bincount(nearest, inward, len(top.nodes)).astype(float)
+    forces, held = np.bincount(nearest, inward, len(top.nodes)).astype(float), inward > 0
     place = split_facet(top.facets.shape[1], 2)[0]
     reference = 4.0 if mesh.is_hexahedral else 0.5
     areas = reference * np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2).mean(axis=1)
@@ -162,7 +205,8 @@ def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, t
         texels=texels,
         texel_forces=found.texel_forces,
         touched=top.nodes[np.argmin(np.linalg.norm(top.nodes - touched, axis=1))],
-        direction=direction,
+        indenter=indenter,
+        pose=_advance(pose, indenter, found.contact_points[held] + moved[top.index[nearest[held]]]),
         title=title,
     )
 

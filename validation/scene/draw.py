@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
@@ -41,6 +43,14 @@ class _Style:
     force_map: str = "viridis"
     #: Colour of surfaces that have no values.
     plain: str = "#b9c4cf"
+    #: Colour of an indenter, as in `validation.render.figure`.
+    indenter: str = "#7d8794"
+    #: Opacity of an indenter over the surface that it covers [-].
+    glass: float = 0.35
+    #: Distance by which an indenter is lifted off the surface, over the thickness of the cover [-].
+    lift: float = 0.01
+    #: Height up to which an indenter is drawn, over the smaller edge of the drawn cover [-].
+    cut: float = 0.35
     #: Quantile of the values of a surface that has the last colour of the scale [-].  Larger values have the same
     #: colour, because stresses are infinite at sharp edges.
     highest: float = 0.999
@@ -52,11 +62,6 @@ class _Style:
     steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
     #: Largest length by which a cover may reach out of the ruled box, over the distance of two marks on its edge [-].
     slack: float = 0.1
-    #: Factors by which displacements can be enlarged in a picture [-].  The largest factor is used for which no drawn
-    #: displacement exceeds `most_moved`.
-    factors: tuple[int, ...] = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-    #: Largest drawn displacement, over the thickness of the cover [-].
-    most_moved: float = 0.35
     #: Fraction of ambient light [-], so large that colours on faces in the shade are readable.
     ambient: float = 0.5
     #: Height of the bar of the largest texel force, over the largest edge of the array [-].
@@ -113,8 +118,6 @@ def write_picture(scene: CoverScene, path: Path) -> None:
 def write_gltf(scene: CoverScene, path: Path) -> None:
     """Write the deformed cover, with its colours, and the texel forces to one glTF file in metres.
 
-    Displacements are not enlarged.
-
     Args:
         scene: Scene to write.
         path: File to write; its name ends in `.gltf`.
@@ -153,6 +156,8 @@ def make_grid(scene: CoverScene, length: float = 1.0) -> Any:
     for name in ("surface", "inside"):
         if (values := getattr(scene, name)) is not None:
             grid.point_data[name] = values
+    if scene.layer is not None:
+        grid.cell_data["layer"] = scene.layer
     return grid
 
 
@@ -183,21 +188,46 @@ def make_bars(scene: CoverScene, length: float) -> Any:
 
 def _draw_surface(plotter: Any, scene: CoverScene) -> None:
     """Draw the first view of a cover: its deformed surface, with an arrow along the load."""
-    import pyvista
-
-    factor = _find_factor(scene)
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     surface = _add_coloured(plotter, grid, scene, "surface", _STYLE.pressure_map)
-    if scene.touched is not None:  # An arrow along the load ends at the point of first touch.
-        size = 0.35 * float(np.ptp(surface.points, axis=0).max())
-        tip = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
-        arrow = pyvista.Arrow(
-            start=tip - size * scene.direction, direction=scene.direction, scale=size,
-            tip_length=0.25, tip_radius=0.06, shaft_radius=0.02,
-        )  # fmt: skip
-        plotter.add_mesh(arrow, color="#c0392b", opacity=0.9)
-    scale = "" if not scene.displacement.any() else f"; displacements x {factor:g}" if factor > 1 else "; to scale"
+    if scene.indenter is not None:
+        plotter.add_mesh(make_indenter(scene, surface), color=_STYLE.indenter, opacity=_STYLE.glass)
+    scale = "; to scale" if scene.displacement.any() else ""
     _finish(plotter, scene, surface, f"{scene.title}\ncover{scale}")
+
+
+def make_indenter(scene: CoverScene, surface: Any) -> Any:
+    """Make the surface of the pressed indenter in millimetres, cut off above the drawn cover.
+
+    Args:
+        scene: A scene with an indenter.
+        surface: The drawn surface of the cover in millimetres.
+    """
+    import pyvista
+
+    assert scene.indenter is not None  # noqa: S101 -- stated above
+    pose, bodies = scene.pose, []
+    # Lifted a little, so that no face of it lies in the surface that it touches.
+    place = pose.position - _STYLE.lift * scene.thickness * pose.towards
+    for part in scene.indenter.primitives():
+        if part.kind == "hull":
+            points = np.array(part.vertices)
+            body = pyvista.PolyData.from_regular_faces(points, ConvexHull(points).simplices.astype(int))
+        elif part.kind == "box":
+            body = pyvista.Box(bounds=np.outer(part.size, (-1, 1)).ravel())
+        elif part.kind == "sphere":
+            body = pyvista.Sphere(radius=part.size[0], theta_resolution=96, phi_resolution=96)
+        elif part.kind == "cylinder":
+            body = pyvista.Cylinder(direction=(0, 0, 1), radius=part.size[0], height=2 * part.size[1])
+        else:
+            body = pyvista.Capsule(direction=(0, 0, 1), radius=part.size[0], cylinder_length=2 * part.size[1])
+        turn = Rotation.from_quat(part.quaternion, scalar_first=True).as_matrix()
+        local = np.asarray(body.points) @ turn.T + part.position
+        body.points = _MILLIMETRES * (place + local @ pose.rotation.T)
+        bodies.append(body)
+    extents = np.ptp(np.reshape(surface.bounds, (3, 2)), axis=1)
+    end = _MILLIMETRES * pose.position - _STYLE.cut * float(np.sort(extents)[1]) * pose.towards
+    return pyvista.merge(bodies).extract_surface(algorithm="dataset_surface").clip(normal=-pose.towards, origin=end)
 
 
 def _draw_section(plotter: Any, scene: CoverScene) -> None:
@@ -206,8 +236,24 @@ def _draw_section(plotter: Any, scene: CoverScene) -> None:
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     half = grid.clip(normal=normal, origin=_MILLIMETRES * origin)
     surface = _add_coloured(plotter, half, scene, "inside", _STYLE.stress_map)
+    if scene.indenter is not None:
+        body = make_indenter(scene, surface).clip(normal=normal, origin=_MILLIMETRES * origin)
+        plotter.add_mesh(body, color=_STYLE.indenter, ambient=_STYLE.ambient)
+    _outline_layers(plotter, grid, scene, normal, _MILLIMETRES * origin)
     place = ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in origin)
-    _finish(plotter, scene, surface, f"\nsection through ({place}) mm")
+    layers = "".join(f"\n{name}" for name in scene.layers[::-1])
+    _finish(plotter, scene, surface, f"\nsection through ({place}) mm{'; from the top:' * bool(layers)}{layers}")
+
+
+def _outline_layers(plotter: Any, grid: Any, scene: CoverScene, normal: FloatArray, origin: FloatArray) -> None:
+    """Draw the borders of the layers on the plane of a section."""
+    plane = _MILLIMETRES * 1e-3 * scene.thickness * normal + origin  # Just behind the plane every element is cut.
+    cut = grid.warp_by_vector("displacement").slice(normal=normal, origin=plane)
+    for index in range(len(scene.layers)):
+        part = cut.threshold((index, index), scalars="layer").extract_surface(algorithm="dataset_surface").clean()
+        part.points -= 2 * (plane - origin)  # in front of the plane, where nothing hides it
+        edges = part.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+        plotter.add_mesh(edges, color="#303030", line_width=2)
 
 
 def _draw_texels(plotter: Any, scene: CoverScene) -> None:
@@ -231,7 +277,7 @@ def _draw_texels(plotter: Any, scene: CoverScene) -> None:
 
 def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours: str | list[str]) -> Any:
     """Add the deformed surface of a grid in the colours of its values, or with its edges if it has none; return it."""
-    deformed = grid.warp_by_vector("displacement", factor=_find_factor(scene))
+    deformed = grid.warp_by_vector("displacement")
     surface = deformed.extract_surface(algorithm="dataset_surface")
     if getattr(scene, name) is None:
         plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
@@ -296,7 +342,7 @@ def _find_view(scene: CoverScene) -> FloatArray:
         return np.asarray(_VIEW / np.linalg.norm(_VIEW))
     view = _VIEW_ROUND / np.linalg.norm(_VIEW_ROUND)
     if scene.touched is not None:
-        view = view - 1.2 * scene.direction
+        view = view - 1.2 * scene.pose.towards
     return np.asarray(view / np.linalg.norm(view))
 
 
@@ -307,7 +353,7 @@ def _is_round(scene: CoverScene) -> bool:
 
 def _find_section(scene: CoverScene) -> tuple[FloatArray, FloatArray]:
     """Return a point of the cutting plane of the section [m], and its unit normal towards the half cut away [-]."""
-    up = np.array([0.0, 0.0, 1.0]) if scene.touched is None else -scene.direction
+    up = np.array([0.0, 0.0, 1.0]) if scene.touched is None else -scene.pose.towards
     middle = (scene.position.min(axis=0) + scene.position.max(axis=0)) / 2
     view = _find_view(scene)
     level = view - (view @ up) * up
@@ -326,14 +372,6 @@ def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
         if (sign * (grid.points[:, axis] - edge) > 0).any():
             grid = grid.clip(normal=sign * along, origin=edge * along)
     return grid
-
-
-def _find_factor(scene: CoverScene) -> float:
-    """Find the factor by which displacements are enlarged in the pictures, so that they are visible [-]."""
-    largest = float(np.linalg.norm(scene.displacement, axis=1).max())
-    if largest == 0:
-        return 1.0
-    return float(max([1, *(each for each in _STYLE.factors if each * largest <= _STYLE.most_moved * scene.thickness)]))
 
 
 def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meshes import TexelArray
+from meshes import Pose, Roller, Sphere, TexelArray
 from validation.scene import draw, rendering
-from validation.scene.cover_scene import CoverScene
+from validation.scene.cover_scene import CoverScene, _advance
 
 pyvista = pytest.importorskip("pyvista")
 
@@ -29,7 +29,9 @@ def scene():
         surface=np.linspace(0.0, 5.0, len(position)), surface_label="pressure [kPa]",
         inside=np.linspace(0.0, 7.0, len(position)), inside_label="displacement [mm]",
         texels=TexelArray.grid(4, 4, pitch=4e-3), texel_forces=forces,
-        touched=1e-3 * AT, title="block", limits=1e-3 * AROUND,
+        touched=1e-3 * AT, title="block", limits=1e-3 * AROUND, indenter=Sphere(radius=3e-3),
+        pose=Pose(point=tuple(1e-3 * (AT - [0, 0, 0.05]))), layers=("soft, 1 mm", "stiff, 1 mm"),
+        layer=(position[cells].mean(axis=1)[:, 2] > 1e-3).astype(int),
     )  # fmt: skip
 
 
@@ -77,35 +79,51 @@ def describe(renderer):
     )  # fmt: skip
 
 
-def test_the_surface_is_cut_off_around_the_contact_and_its_displacements_are_magnified(views, scene):
+def test_the_surface_is_cut_off_around_the_contact_and_has_the_indenter_over_it_to_scale(views, scene):
     surface = views(scene)[0]
-    body, arrow = surface.meshes
-    # 20 x 0.05 mm would move it by more than 0.35 of the thickness
-    np.testing.assert_allclose(body.bounds, (-2, 6, -3, 5, 0, 2 - 10 * 0.05), atol=1e-5)
-    assert surface.texts == ["block\ncover; displacements x 10"]
+    body, ball = surface.meshes
+    np.testing.assert_allclose(body.bounds, (-2, 6, -3, 5, 0, 2 - 0.05), atol=1e-5)
+    assert surface.texts == ["block\ncover; to scale"]
     assert (body.name, surface.bars) == ("surface", ["pressure [kPa]"])
     assert body.limits == pytest.approx((0, np.quantile(scene.surface[1:], 0.999)))
-    np.testing.assert_allclose(surface.ruled, (-2, 6, -3, 5, 0, 1.6), atol=1e-9)  # in steps of 1, 1 and 0.2 mm
+    np.testing.assert_allclose(surface.ruled, (-2, 6, -3, 5, 0, 2), atol=1e-9)
     assert surface.marks == (9, 9)
-    # the arrow ends a twentieth of the thickness above the point of contact, and is 0.35 of the edge long
-    low, high = 2 + 0.1, 2 + 0.1 + 0.35 * 8
-    np.testing.assert_allclose(arrow.bounds[4:], (low, high), atol=1e-5)
-    np.testing.assert_allclose((arrow.bounds[:4:2] + arrow.bounds[1:4:2]) / 2, AT[:2], atol=1e-5)
-    assert (arrow.bounds[1] - arrow.bounds[0]) / 2 == pytest.approx(0.06 * 2.8, rel=0.05)
+    # a ball of 3 mm stands on the pressed point, lifted by a hundredth of the thickness, cut at 0.35 of the edge
+    low, cut = 2 - 0.05 + 0.02, 2 - 0.05 + 0.35 * 8
+    wide = np.sqrt(9 - (cut - low - 3) ** 2)
+    np.testing.assert_allclose(ball.bounds[4:], (low, cut), atol=1e-3)
+    np.testing.assert_allclose(ball.bounds[:4], (AT[0] - wide, AT[0] + wide, AT[1] - wide, AT[1] + wide), atol=0.02)
+    assert 0 < ball.opacity < 1
+
+
+def test_an_indenter_stands_where_its_surface_passes_through_what_it_touches():
+    """A tilted roller and a ball that moves askew, at points of their surfaces and any distance along the motion."""
+    for indenter, pose in (
+        (Sphere(radius=4e-3), Pose(point=(1e-3, 0, 9e-3), direction=(0.5, 0, -1))),
+        (Roller(radius=2e-3, length=8e-3), Pose(point=(0, 2e-3, 5e-3), yaw=0.3, tilt=(0.0, 0.1))),
+    ):
+        x, y = np.array([[0, 1e-3, -0.5e-3], [0, 0.5e-3, -1e-3]])
+        local = np.column_stack([x, y, indenter.gap(x, y)])
+        touched = pose.position + local @ pose.rotation.T + 3e-3 * pose.towards
+        np.testing.assert_allclose(_advance(pose, indenter, touched).position, pose.position + 3e-3 * pose.towards)
 
 
 def test_the_section_shows_the_half_behind_the_contact(views, scene):
     section = views(scene)[1]
-    (body,) = section.meshes
-    np.testing.assert_allclose(body.bounds, (-2, 6, 1, 5, 0, 1.5), atol=1e-5)
-    assert section.texts == ["\nsection through (2, 1, 2) mm"]
+    body, ball, *layers = section.meshes
+    np.testing.assert_allclose(body.bounds, (-2, 6, 1, 5, 0, 1.95), atol=1e-5)
+    assert ball.bounds[2] == pytest.approx(1, abs=1e-3)
+    # the border of each layer on the plane of the section
+    for part, ends in zip(layers, ((0, 0.975), (0.975, 1.95)), strict=True):
+        np.testing.assert_allclose(part.bounds[[0, 1, 4, 5]], (-2, 6, *ends), atol=1e-4)
+    assert section.texts == ["\nsection through (2, 1, 2) mm; from the top:\nstiff, 1 mm\nsoft, 1 mm"]
     assert (body.name, section.bars, body.logarithmic) == ("inside", ["displacement [mm]"], False)
     assert body.limits == pytest.approx((0, 7))  # displacements are finite everywhere: all of them have a colour
 
 
 def test_stresses_of_unlike_layers_have_a_logarithmic_scale(views, scene):
     uneven = dataclasses.replace(scene, inside_label="von Mises stress [kPa]", logarithmic=True)
-    (body,) = views(uneven)[1].meshes
+    body = views(uneven)[1].meshes[0]
     high = np.quantile(scene.inside[1:], 0.999)
     assert body.logarithmic
     assert body.limits == pytest.approx((1e-4 * high, high))
@@ -128,7 +146,15 @@ def test_a_bar_on_each_texel_is_as_high_as_its_force(views, scene):
 
 def test_without_a_load_the_whole_cover_is_drawn_with_its_edges(views, scene):
     alone = dataclasses.replace(
-        scene, displacement=0 * scene.position, surface=None, inside=None, texels=None, touched=None, limits=np.inf
+        scene,
+        displacement=0 * scene.position,
+        surface=None,
+        inside=None,
+        texels=None,
+        touched=None,
+        limits=np.inf,
+        indenter=None,
+        layers=(),
     )
     surface, section, size = views(alone)
     assert size == [1600, 820]
