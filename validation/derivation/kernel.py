@@ -203,6 +203,55 @@ def _thickness_slope(thickness: float, grid: TexelArray, spread: PointSpread) ->
     return (thicker - thinner) / (2 * _THICKNESS_STEP * thickness)
 
 
+def sigma_range(cover: Cover, array: TexelArray, spread: PointSpread) -> tuple[float, float] | None:
+    """Compute the range of the Gaussian's sigma along x over the ranges of the layers' elastic constants.
+
+    Each Young's modulus and each Poisson ratio moves alone to both ends of its range.  The changes count as independent
+    of each other: the root of the sum of their squares, upwards and downwards apart.
+
+    Args:
+        cover: A laterally wide cover.
+        array: Texels of the sensor.
+        spread: The point spread function of the cover.
+
+    Returns:
+        Lower and upper end over the sigma of the cover itself [-]; None if no layer states a range.
+    """
+    grid = fitting_grid(array)
+    own, below, above, stated = _sigma_of(cover, grid, spread), 0.0, 0.0, False
+    for place, material in enumerate(layer.material for layer in cover.layers):
+        modulus, ratio, wide = material.youngs_modulus, material.poisson_ratio, material.poisson_spread
+        ratios = [min(0.5, max(0.0, ratio + sign * wide)) for sign in (-1, 1)]
+        for ends in ([(end, ratio) for end in material.modulus_range], [(modulus, end) for end in ratios]):
+            if ends[0] == ends[1]:
+                continue
+            stated = True
+            changes = [_sigma_of(_with_constants(cover, place, *end), grid, spread) / own - 1 for end in ends]
+            below, above = math.hypot(below, min(0.0, *changes)), math.hypot(above, max(0.0, *changes))
+    return (1 - below, 1 + above) if stated else None
+
+
+def _sigma_of(cover: Cover, grid: TexelArray, spread: PointSpread) -> float:
+    """Return sigma [pitches] of a cover by the closed-form layer solution at the radii of a point spread function.
+
+    A finite-element solution of each changed cover would multiply the computing time.
+    """
+    from fem_reference.closed_form import point_response
+
+    response = point_response(cover, spread.radius)
+    return uncut_sigma(dataclasses.replace(spread, pressure_per_force=response, coarse=()), grid)
+
+
+def _with_constants(cover: Cover, place: int, modulus: float, ratio: float) -> Cover:
+    """Return a copy of the cover with other elastic constants [Pa, -] in one layer, at small strain."""
+    layers = list(cover.layers)
+    material = dataclasses.replace(
+        layers[place].material, model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
+    )
+    layers[place] = dataclasses.replace(layers[place], material=material)
+    return dataclasses.replace(cover, layers=tuple(layers))
+
+
 def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: int) -> float:
     """Return the derivative of the Gaussian's sigma with respect to the Poisson ratio of one layer [pitches].
 
@@ -214,17 +263,11 @@ def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: i
         spread: The point spread function of the cover.
         layer: Index of the layer, from the bottom.
     """
-    from fem_reference.closed_form import point_response
-
-    ratio = cover.layers[layer].material.poisson_ratio
+    modulus, ratio = cover.layers[layer].material.youngs_modulus, cover.layers[layer].material.poisson_ratio
     middle = float(np.clip(ratio, _POISSON_STEP, 0.5 - _POISSON_STEP))
 
     def sigma_at(poisson_ratio: float) -> float:
-        changed = _with_poisson_ratio(cover, layer, poisson_ratio)
-        # The changed cover is solved by the closed-form layer solution at the same radii.  Two more finite-element
-        # solutions would triple the computing time.
-        response = point_response(changed, spread.radius)
-        return uncut_sigma(dataclasses.replace(spread, pressure_per_force=response, coarse=()), grid)
+        return _sigma_of(_with_constants(cover, layer, modulus, poisson_ratio), grid, spread)
 
     low, high = sigma_at(middle - _POISSON_STEP), sigma_at(middle + _POISSON_STEP)
     slope = (high - low) / (2 * _POISSON_STEP)
@@ -238,14 +281,6 @@ def _scaled_array(array: TexelArray, factor: float) -> TexelArray:
     return dataclasses.replace(
         array, centres=array.centres * factor, texel_size=(width, height), pitch=(along_x, along_y)
     )
-
-
-def _with_poisson_ratio(cover: Cover, layer: int, poisson_ratio: float) -> Cover:
-    """Return a copy of the cover with another Poisson ratio in one layer."""
-    layers = list(cover.layers)
-    material = layers[layer].material.with_poisson_ratio(poisson_ratio)
-    layers[layer] = dataclasses.replace(layers[layer], material=material)
-    return dataclasses.replace(cover, layers=tuple(layers))
 
 
 def gauss_points(size: tuple[float, float], order: int) -> tuple[FloatArray, FloatArray]:

@@ -38,6 +38,7 @@ from validation.derivation.kernel import (
     fit_kernel,
     gauss_points,
     radial_profile,
+    sigma_range,
     sigma_sensitivities,
     texel_separation,
     two_point_separation,
@@ -187,6 +188,7 @@ class LayeredDerivation:
             error_estimate=self.error_estimate,
             resolution=None if spread is None else two_point_separation(spread),
             resolution_on_array=None if spread is None else texel_separation(spread, sensor.array),
+            sigma_range=None if spread is None else self._find_range(spread),
             sensitivity={} if spread is None else sigma_sensitivities(sensor.layered_cover, sensor.array, spread),
             depth=None if self.depth is None else dataclasses.asdict(self.depth),
             validity="not stated" if self.parameters.validity is None else dataclasses.asdict(self.parameters.validity),
@@ -198,6 +200,11 @@ class LayeredDerivation:
             },
             seconds=self.seconds,
         )
+
+    def _find_range(self, spread: PointSpread) -> tuple[float, float] | None:
+        """Return the ends of sigma along x over the ranges of the materials [pitches]; None if none is stated."""
+        ends = sigma_range(self.sensor.layered_cover, self.sensor.array, spread)
+        return ends and (ends[0] * self.fit.gaussian.sigma_x, ends[1] * self.fit.gaussian.sigma_x)
 
     def explain(self) -> Iterator[str]:
         """Yield sentences about the kernel and the range of the fast model, and what is not determined."""

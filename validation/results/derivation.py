@@ -83,6 +83,8 @@ class Responses(Result):
         resolution: Two-point separation at the base; NaN if there is no dip, None with free side edges [m].
         resolution_on_array: Two-point separation by a texel that moves between the points, by the Rayleigh criterion
             [m].
+        sigma_range: Lower and upper end of sigma along x over the ranges of the layers' elastic constants, which count
+            as independent; None if no layer states a range [pitches].
         sensitivity: Derivatives of sigma with respect to thickness [pitches/m] and Poisson ratio [pitches].
         depth: Stiffness parameters fitted to the computed depths of a ball under several loads; None with free side
             edges.
@@ -114,6 +116,10 @@ class Responses(Result):
     ] = None
     resolution_on_array: Annotated[
         float | None, Column(heading="two-point separation by a texel of this size", unit="mm", factor=1e3, decimals=2)
+    ] = None
+    sigma_range: Annotated[
+        tuple[float, float] | None,
+        Column(heading="sigma x over the ranges of the materials", unit="pitches", decimals=4),
     ] = None
     sensitivity: Mapping[str, float] | None = None
     depth: JsonObject | None = None

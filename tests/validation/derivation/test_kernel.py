@@ -1,6 +1,7 @@
 """The kernel and its numbers: fit, quadrature, resolution and sensitivities, against exact and real solutions."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from validation.derivation.kernel import (
     fit_kernel,
     fitting_grid,
     gauss_points,
+    sigma_range,
     sigma_sensitivities,
     texel_separation,
     two_point_separation,
@@ -175,6 +177,34 @@ def test_sensitivity_at_the_end_of_the_range_is_of_second_order():
     """A plain one-sided difference is 5 % off here."""
     end, near = sigma([(2e-3, 1e6, 0.5)]), sigma([(2e-3, 1e6, 0.4995)])
     assert sensitivity([(2e-3, 1e6, 0.5)])["poisson_ratio"] == pytest.approx((end - near) / 0.0005, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_range_of_sigma_is_that_of_real_runs_with_the_moduli_and_ratios_at_their_ends():
+    """The modulus of one layer and the Poisson ratio of the other are uncertain, each with an effect of its own."""
+    stacked = stack_layers((1.5e-3, 1e6, 0.45), (0.5e-3, 1e7, 0.4))
+    bottom, top = stacked.layers
+    stacked = replace(
+        stacked,
+        layers=(
+            replace(bottom, material=replace(bottom.material, poisson_spread=0.1)),  # 0.35..0.5
+            replace(top, material=replace(top.material, spread=0.5, spread_above=3.0)),
+        ),
+    )
+    low, high = sigma_range(stacked, load("wts-0614-34").array, point_spread(stacked))
+    own = sigma([(1.5e-3, 1e6, 0.45), (0.5e-3, 1e7, 0.4)])
+    moduli = [sigma([(1.5e-3, 1e6, 0.45), (0.5e-3, end, 0.4)]) / own - 1 for end in (0.5e7, 4e7)]
+    ratios = [sigma([(1.5e-3, 1e6, end), (0.5e-3, 1e7, 0.4)]) / own - 1 for end in (0.35, 0.5)]
+    assert max(moduli) > 0.02
+    assert min(ratios) < -0.02
+    below, above = (np.hypot(end(0, *moduli), end(0, *ratios)) for end in (min, max))
+    assert 1 - low == pytest.approx(below, rel=0.02, abs=3e-4)
+    assert high - 1 == pytest.approx(above, rel=0.02, abs=3e-4)
+
+
+def test_no_range_is_stated_without_one_of_the_materials():
+    stacked = stack_layers((1.5e-3, 1e6, 0.45))
+    assert sigma_range(stacked, load("wts-0614-34").array, point_spread(stacked)) is None
 
 
 @pytest.mark.slow
