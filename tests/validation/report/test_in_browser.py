@@ -1,5 +1,6 @@
 """The report in a real browser: nothing is fetched, nothing fails, tables sort."""
 
+import base64
 import json
 import shutil
 
@@ -32,6 +33,7 @@ def fresh(page, path="index.html"):
     driver, folder = page
     driver.get_log("browser")
     driver.get_log("performance")
+    driver.get("about:blank")  # without it the same address would keep its open sections
     driver.get((folder / path).as_uri())
     return driver
 
@@ -97,11 +99,68 @@ def test_nothing_keeps_a_reader_out(page, scheme, width):
     )
     try:
         driver = fresh(page)
+        driver.find_element("id", "unfold").click()
+        assert count_open(driver) == count_sections(driver) > 10
         assert driver.execute_script("return matchMedia('(prefers-color-scheme: dark)').matches") == (scheme == "dark")
         assert list_barriers(driver) == []
     finally:
         driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
         driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def count_sections(driver):
+    return len(driver.find_elements("css selector", "details"))
+
+
+def count_open(driver):
+    return len(driver.find_elements("css selector", "details[open]"))
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (1300, 900)])
+def test_the_folded_page_is_three_screens_long_and_not_too_wide(page, width, height):
+    driver = page[0]
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < height}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        driver = fresh(page)
+        assert count_open(driver) == 0
+        long, wide = driver.execute_script("return [document.body.scrollHeight, document.body.scrollWidth]")
+        assert long <= 3 * height
+        assert wide <= width
+        verdict = driver.find_element("id", "verdict-title").rect
+        assert verdict["y"] + verdict["height"] < height / 2
+    finally:
+        driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_a_link_into_a_section_opens_it(page):
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    driver = fresh(page)
+    driver.execute_script("location.hash = '#codes'")  # a table in a section
+    WebDriverWait(driver, 5).until(lambda _: count_open(driver) == 1)
+    assert driver.find_element("css selector", "details[open]").get_attribute("id") == "verification"
+    assert driver.find_element("id", "codes").is_displayed()
+
+
+def test_a_key_opens_a_section(page):
+    driver = fresh(page)
+    summary = driver.find_element("css selector", "#limits summary")
+    summary.send_keys("\n")
+    assert driver.find_element("id", "limits").get_attribute("open") is not None
+
+
+def test_a_print_unfolds_what_is_folded_and_folds_it_again(page):
+    driver = fresh(page)
+    driver.execute_script("dispatchEvent(new Event('beforeprint'))")
+    assert count_open(driver) == count_sections(driver)
+    driver.execute_script("dispatchEvent(new Event('afterprint'))")
+    assert count_open(driver) == 0
+    pages = [driver.execute_cdp_cmd("Page.printToPDF", {})["data"]]
+    driver.execute_script("for (const each of document.querySelectorAll('details')) each.remove()")
+    pages.append(driver.execute_cdp_cmd("Page.printToPDF", {})["data"])
+    counts = [base64.b64decode(each).count(b"/Type /Page\n") for each in pages]
+    assert counts[0] > counts[1] + 3
 
 
 def test_a_barrier_would_be_noticed(page):
