@@ -22,7 +22,7 @@ from validation.campaign.reference_press import find_stored_reference
 from validation.derivation.contact_range import DEEP, bear
 from validation.errors import InputError
 from validation.pooling import FEWEST
-from validation.text.quantity import read_quantity
+from validation.text.quantity import format_time, read_quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +91,8 @@ _PLANNED = 0.7
 QUICK_BUDGET = 300.0
 #: Time that an evaluation names for what a larger budget would add [s].
 _MORE = 600.0
-#: Duration of a minute, and time from which minutes are printed instead of seconds [s].
-_MINUTE, _LONG = 60.0, 100.0
+#: Duration of a minute [s].
+_MINUTE = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,11 +252,6 @@ def _measure_sides(cover: Cover | SolidCover) -> float:
     if cover.size is None:
         return 0.0
     return float(COSTS.response * (np.prod(cover.size) / cover.thickness**2 / _AREA) ** _GROWTH)
-
-
-def format_time(seconds: float) -> str:
-    """Return a time in whole seconds below 100 s, else in whole minutes."""
-    return f"{max(seconds, 1):.0f} s" if seconds < _LONG else f"{seconds / _MINUTE:.0f} min"
 
 
 def _share_solution(cover: Cover | SolidCover, case: Case, other: Case) -> bool:

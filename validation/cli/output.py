@@ -29,6 +29,8 @@ WIDTH = 80
 _LEAST_WIDTH = 40
 #: Shortest time between two lines of progress if standard error is no terminal [s].
 LINE_INTERVAL = 2.0
+#: Time per item below which items count as read from the store, so that they tell nothing about the others [s].
+_STORED = 0.3
 #: Time between two lines of text which state that a computation is still busy [s].
 LONG = 10.0
 #: Notes for the user that are printed at the end of a command that succeeds.
@@ -135,7 +137,8 @@ class Progress(contextlib.ExitStack):
     """Shows the current stage of a computation: a moving bar on a terminal, lines of text without one.
 
     Call the object with the name of a stage of unknown length.  Call `step` for each item of a stage of known length.
-    Every ten seconds a line states what the computation is busy with, also during a stage without output.
+    Every ten seconds a line states what the computation is busy with, also during a stage without output.  The time
+    left follows from that of finished items, which is told from the first one on.
     """
 
     def __init__(self) -> None:
@@ -143,7 +146,8 @@ class Progress(contextlib.ExitStack):
         self._bar: RichProgress | None = None
         self._task: TaskID | None = None
         self._started = self._last_line = time.perf_counter()
-        self._stage = "start"
+        self._stage = ": start"
+        self._first = (0, 0, 0.0)  # of the present items: number finished when they began, total, and time [s]
         self._finished = threading.Event()
 
     def __enter__(self) -> Self:
@@ -173,7 +177,7 @@ class Progress(contextlib.ExitStack):
         """Write a line with the current stage at regular intervals until the computation ends."""
         while not self._finished.wait(LONG):
             seconds = time.perf_counter() - self._started
-            sys.stderr.write(f"[{seconds:5.1f} s] this takes long; still busy with: {self._stage}\n")
+            sys.stderr.write(f"[{seconds:5.1f} s] still busy with{self._stage}\n")
 
     def __call__(self, stage: str) -> None:
         """Show that a stage of unknown length begins; `stage` is its name."""
@@ -183,9 +187,20 @@ class Progress(contextlib.ExitStack):
         """Show that `done` of `total` items are finished and that the item `name` comes next."""
         self._show(name, done, total)
 
+    def _describe_share(self, done: int, total: int) -> str:
+        """Describe how many of the items are finished, and about how long the others take."""
+        from validation.text.quantity import format_time
+
+        now, (before, items, began) = time.perf_counter(), self._first
+        if items != total or done < before or now - began < _STORED * (done - before):
+            self._first = before, _, began = done, total, now
+        left = "" if done == before else f", about {format_time((now - began) / (done - before) * (total - done))} left"
+        return f" {done}/{total}" + (f" ({100 * done / total:.0f} %{left})" if 0 < done < total else "")
+
     def _show(self, text: str, done: int, total: int | None) -> None:
         text = escape(text)
-        self._stage = text or self._stage
+        count = "" if total is None else self._describe_share(done, total)
+        self._stage = f"{count}: {text}" if text else self._stage
         if self._bar is not None:
             if self._task is None:
                 self._task = self._bar.add_task(text, total=total)
@@ -194,7 +209,6 @@ class Progress(contextlib.ExitStack):
         now = time.perf_counter()
         if text and now - self._last_line > LINE_INTERVAL:
             self._last_line = now
-            count = "" if total is None else f" {done}/{total}"
             sys.stderr.write(f"[{now - self._started:5.1f} s]{count} {text}\n")
 
 

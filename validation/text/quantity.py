@@ -32,6 +32,8 @@ _EXAMPLES = {
 }
 #: Largest accepted number of characters of one quantity [-].  The patterns below take long on longer texts.
 LONGEST = 80
+#: Time from which minutes are printed instead of seconds [s].
+_LONG = 100.0
 _NUMBER = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?)")
 #: Pattern of one name in a unit, with a power of one digit at most.  A unit consists of such names, joined by `*`, `/`
 #: or a blank.  Other texts are not given to pint, whose parser would also evaluate numbers and powers of powers.
@@ -99,6 +101,11 @@ def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", j
         example = joint.join([_EXAMPLES[kind][1].replace(" ", "")] * count)
         raise InputError(f"{where}{shorten(value)} is not {count} values; write for example '{example}'")
     return tuple(read_quantity(part, kind, place=place) for part in parts)
+
+
+def format_time(seconds: float) -> str:
+    """Return a time in whole seconds below 100 s, else in whole minutes."""
+    return f"{max(seconds, 1):.0f} s" if seconds < _LONG else f"{seconds / 60:.0f} min"
 
 
 @functools.cache
