@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -208,7 +209,11 @@ class Bench:
         self._reader = self._method.bind(self._model, parameters.array, _ARRAY, surface=parameters.surface)
         with report_slow_compilation("simulated bench test"):
             compile_kernels(self._method, parameters.array, parameters.surface, self._model.opt.cone)
-        self._start = self._reader.get_state()
+        self._start, self._data = self._reader.get_state(), mujoco.MjData(self._model)
+
+    @cached_property
+    def _spread(self) -> FloatArray:
+        return self._parameters.spread.operator(self._parameters.array)
 
     def press(self, places: Sequence[tuple[float, float, float]]) -> FastIndentation:
         """Press until the indenters are at rest.
@@ -223,7 +228,11 @@ class Bench:
             body.pos = x, y, self._method.find_start(array, (x, y), reach)
             body.quat = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
         self._reader.set_state(self._start)
-        reading, chatter = _settle(self._model, self._reader, sum(placement.load for placement in self._placements))
+        mujoco.mj_resetData(self._model, self._data)
+        load = sum(placement.load for placement in self._placements)
+        reading, chatter = _settle(self._model, self._data, self._reader, load)
+        if reading.texel_forces is None:
+            reading = reading._replace(texel_forces=self._spread @ reading.contact_forces)
         depth = None
         if reading.approach is not None and len(places) == 1 and self._placements[0].guided:
             depth = float(reading.approach[0])
@@ -238,13 +247,11 @@ def _describe(
     Args:
         parameters: The array and its cover.
         method: Name of the contact method, or its settings as text.
-        reading: Contact forces, and texel forces if the contact method computes them.
+        reading: Contact forces and texel forces.
         depth: Approach of the indenter since its first touch of the cover [m]; None if it has no meaning.
         started: Value of `time.perf_counter` when the press began [s].
     """
-    texel_forces = reading.texel_forces
-    if texel_forces is None:
-        texel_forces = parameters.spread.operator(parameters.array) @ reading.contact_forces
+    texel_forces = np.asarray(reading.texel_forces)
     return FastIndentation(
         contact_forces=reading.contact_forces,
         texel_forces=texel_forces,
@@ -350,7 +357,7 @@ def _lower(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         mujoco.mj_resetData(model, data)
 
 
-def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:
+def _settle(model: mujoco.MjModel, data: mujoco.MjData, reader: ContactReader, load: float) -> tuple[Reading, float]:
     """Simulate until the indenters are at rest; return the reading and the chatter of the total force [-].
 
     The chatter is the standard deviation of the total force over time, divided by the load.
@@ -360,13 +367,13 @@ def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[
 
     Args:
         model: The model with array and indenters.
+        data: Its state at the start.
         reader: Contact method bound to the model.
         load: Weight of all indenters [N].
 
     Raises:
         MissedArrayError: If the texels do not carry the load.
     """
-    data = mujoco.MjData(model)
     if model.nv == 1:
         _lower(model, data)
     for _ in range(int(SETTLE_TIME / TIMESTEP)):
