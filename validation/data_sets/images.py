@@ -89,7 +89,6 @@ class ImageNumbers:
     """Constants of the reduction of recordings to images.
 
     Attributes:
-        fewest_frames: Smallest number of frames from which the noise about a straight trend can be estimated [-].
         most_images: Largest number of images that a recording with a force channel is divided into [-].
         shortest: Shortest time over which frames under a load that ends early are averaged [s].
         ended: Share of the final sum of counts below which a load that ends is being removed [-].
@@ -99,7 +98,6 @@ class ImageNumbers:
         saturated: Share of pressed texels at the end of the range from which a recording is refused [-].
     """
 
-    fewest_frames: int = 3
     most_images: int = 24
     shortest: float = 1.0
     ended: float = 0.95
@@ -494,6 +492,4 @@ def _noise(frames: FloatArray) -> float:
     The result is 0 if there are too few frames or no such texels.
     """
     lit = frames[:, frames.min(axis=0) > 0]
-    if len(lit) < NUMBERS.fewest_frames or not lit.shape[1]:
-        return 0.0
-    return float(np.sqrt((deviate(lit) ** 2).mean()))
+    return float(np.sqrt(np.nan_to_num(deviate(lit) ** 2).mean())) if lit.size else 0.0

@@ -19,7 +19,7 @@ from validation.recordings.recording import BoolArray, RecordingError
 
 IntArray = npt.NDArray[np.intp]
 
-#: Smallest number of frames at rest at the start of a recording [-].
+#: Smallest number of frames at rest at the start of a recording, and for a deviation about a straight trend [-].
 _FLAT_FRAMES = 4
 #: Smallest change of the first principal component of the counts that indicates a change of the load, over the standard
 #: deviation of its noise [-].
@@ -50,8 +50,6 @@ _LIT_ERRORS = 5.0
 _UNLOADED_SHARE = 0.005
 #: Largest force at rest of a force channel, over the largest force, that is taken for an offset of the channel [-].
 _OFFSET_SHARE = 0.05
-#: Number of frames up to which the deviation about a straight trend is not known [-].
-_FEW = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +82,7 @@ class Zeroed:
         """Return the mean count of some frames up to which a texel does not differ from rest, shape (n,) [-]."""
         own = self.counts[frames]
         noise = self.noise
-        for other in (_deviate(own), _deviate_by_steps(self.counts)):
+        for other in (deviate(own), _deviate_by_steps(self.counts)):
             noise = np.where(np.isfinite(noise), noise, other)
         error = noise * np.sqrt(1 / len(own) + (1 / self.at_rest if self.at_rest else 0.0))
         return np.asarray(self.rest + _LIT_ERRORS * error)
@@ -222,8 +220,8 @@ def subtract_zero(
     else:
         together = np.vstack(parts)
         frames, clipped = len(together), (together == 0).mean(axis=0) >= APPLIED_SHARE
-        known = [part for part in parts if len(part) > _FEW] or parts
-        noise = np.sqrt(sum(_deviate(part) ** 2 * len(part) for part in known) / sum(map(len, known)))
+        known = [part for part in parts if len(part) >= _FLAT_FRAMES] or parts
+        noise = np.sqrt(sum(deviate(part) ** 2 * len(part) for part in known) / sum(map(len, known)))
         levels = np.where(clipped, 0.0, np.array([part.mean(axis=0) for part in parts]))
         at = np.array([times[each].mean() for each in groups]) if rest is None else np.zeros(1)
         drift = _find_drift(times, counts[:, measured & ~clipped], groups) if rest is None else (0.0, np.inf)
@@ -300,13 +298,10 @@ def _measure(counts: FloatArray) -> float:
     return float(np.abs(counts.mean(axis=0)).sum()) if len(counts) else 0.0
 
 
-def _deviate(frames: FloatArray) -> FloatArray:
-    """Return the standard deviation of each texel about a straight trend, shape (n,) [-]; NaN for few frames."""
-    return deviate(frames) if len(frames) > _FEW else np.full(frames.shape[1], np.nan)
-
-
 def deviate(frames: FloatArray) -> FloatArray:
-    """Return the standard deviation of each texel about a straight trend in at least three frames, shape (n,) [-]."""
+    """Return the standard deviation of each texel about a straight trend, shape (n,) [-]; NaN for few frames."""
+    if len(frames) < _FLAT_FRAMES:
+        return np.full(frames.shape[1], np.nan)
     return np.asarray(detrend(frames, axis=0).std(axis=0, ddof=2))
 
 

@@ -44,8 +44,9 @@ def record(change=lambda counts, _times: counts, load=10.0, *, lift=False, noise
     return dataclasses.replace(made, arrays=(array,))
 
 
-def read(recording, folder, keys=KEYS, name="one.csv"):
-    return read_image(describe_files([write(recording, folder / name)], keys, ARRAY).files[0], ARRAY)[0]
+def read(recording, folder, keys=KEYS, name="one.csv", **changes):
+    file = describe_files([write(recording, folder / name)], keys, ARRAY).files[0]
+    return read_image(dataclasses.replace(file, **changes), ARRAY)[0]
 
 
 def offset(counts, _times):
@@ -186,7 +187,7 @@ def test_a_zero_that_is_not_known_is_refused(load, tmp_path):
         read(begun, tmp_path)
     rest = dataclasses.replace(made, arrays=(dataclasses.replace(array, counts=made.arrays[0].counts[:8]),))
     path = write(dataclasses.replace(rest, times=made.times[:8]), tmp_path / "rest.csv")
-    found = read(begun, tmp_path, CommonKeys(window=[1, 3], zero=str(path)))
+    found = read(begun, tmp_path, CommonKeys(window=[1, 3]), zero=path)
     assert found.counts.sum() == pytest.approx(read(made, tmp_path).counts.sum(), rel=0.01)
     assert read(begun, tmp_path, CommonKeys(window=[1, 3], zero="none")).counts.min() > 23000
 
@@ -331,7 +332,7 @@ def test_the_floor_of_few_frames_at_rest_is_that_of_the_noise_of_the_image(frame
     array = dataclasses.replace(made.arrays[0], counts=made.arrays[0].counts[:frames])
     path = write(dataclasses.replace(made, times=made.times[:frames], arrays=(array,)), tmp_path / "rest.csv")
     plain = press(METHOD, CURVE, 10.0, POSE, noise=0.0).arrays[0].counts[-1]
-    found = read(made, tmp_path, CommonKeys(window=[2, 4], zero=str(path)))
+    found = read(made, tmp_path, CommonKeys(window=[2, 4]), zero=path)
     assert (found.counts > found.floor)[plain == 0].mean() < 0.02
     assert np.median(found.floor) == pytest.approx(5 * 10 * np.sqrt(1 / 16 + 1 / frames), rel=0.1)
 
