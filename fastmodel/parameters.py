@@ -177,6 +177,10 @@ def load(sensor: str | Path) -> Parameters:
             f"{', '.join(list_sensors())}"
         )
     document = _Document(path if path.suffix == ".toml" else path / TOML_NAME)
+    if "format" not in document.values and "array" in document.values:
+        raise ParametersError(
+            f"{path}: describes a sensor; run `softcover derive {path} --out FOLDER`, and load that folder"
+        )
     if document.take("format") != FORMAT:
         raise ParametersError(f"{document.path}: format is {document.take('format')!r}; this version reads {FORMAT}")
     with document.section("array"):

@@ -291,8 +291,9 @@ class CoverCells:
         edges = [pitch / self.per_texel for pitch in array.pitch]
         if not np.allclose(edges, self.cell, rtol=1e-6, atol=0):
             raise FastModelError(
-                f"the cover's cells measure {self.cell} m but array {array.name!r} has a pitch of {array.pitch} m: "
-                f"{self.per_texel} cells a pitch take {tuple(edges)} m"
+                f"the cover's response belongs to a pitch of {tuple(self.per_texel * edge for edge in self.cell)} m, "
+                f"and array {array.name!r} has one of {array.pitch} m; write a sensor file with this pitch "
+                "(`softcover init`), run `softcover derive` and load its folder"
             )
         if self.table is not None and not array.regular:
             raise FastModelError(

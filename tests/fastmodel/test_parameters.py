@@ -135,6 +135,13 @@ def test_damaged_toml_raises_a_parameters_error(tmp_path):
     assert refused > 0.5 * len(damaged)
 
 
+def test_a_sensor_file_is_no_folder_of_parameters(tmp_path):
+    path = tmp_path / "sensor.toml"
+    path.write_text("[array]\nrows = 2\n")
+    with pytest.raises(ParametersError, match="describes a sensor; run `softcover derive "):
+        load(path)
+
+
 def test_missing_truncated_and_foreign_files_are_named(tmp_path):
     with pytest.raises(ParametersError, match=r"nowhere: no such folder; .* sdh2-distal, wts-0614-34"):
         load(tmp_path / "nowhere")
