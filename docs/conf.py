@@ -17,7 +17,7 @@ project = "softcover"
 author = "softcover"
 version = release = find_version("softcover")
 
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "myst_parser"]
+extensions = ["sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "myst_parser"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "attrs_block"]
 myst_heading_anchors = 4
 # Formulas are drawn by MathML of the browser, so that the site needs no network: see `setup` below.
@@ -29,6 +29,7 @@ exclude_patterns = ["site"]
 suppress_warnings = ["ref.python"]
 
 autodoc_member_order = "bysource"
+autosummary_generate = False  # the tables only; the entries stand below them
 autodoc_typehints = "signature"
 # Docstrings mark code by single backticks, as Markdown does.
 default_role = "code"
@@ -51,6 +52,7 @@ def setup(app: Sphinx) -> None:
     """Draw formulas as MathML, which browsers show without scripts or a network; read docstrings as they are meant."""
     app.add_html_math_renderer("mathml", (_draw_inline, None), (_draw_block, None))
     app.connect("autodoc-process-docstring", _translate, priority=600)
+    app.connect("autodoc-process-docstring", _list_names, priority=700)
     app.connect("html-page-context", _state_levels, priority=900)
 
 
@@ -68,6 +70,13 @@ def _draw_inline(writer: HTML5Translator, node: nodes.math) -> None:
 def _draw_block(writer: HTML5Translator, node: nodes.math_block) -> None:
     writer.body.append(convert(node.astext(), display="block"))
     raise nodes.SkipNode
+
+
+def _list_names(_app: Sphinx, what: str, _name: str, obj: object, _options: object, lines: list[str]) -> None:
+    """Begin the page of a package with a table of its public names, each with the first sentence on it."""
+    public = getattr(obj, "__all__", ()) if what == "module" else ()
+    if public:
+        lines += ["", ".. autosummary::", "   :nosignatures:", "", *(f"   {each}" for each in public), ""]
 
 
 def _translate(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:

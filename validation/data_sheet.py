@@ -15,6 +15,8 @@ from fastmodel.signal.electronics import Electronics, describe_calibration
 from fastmodel.signal.point_spread import Gaussian
 from meshes.array_types import FloatArray
 from validation.derivation.base import describe_provenance
+from validation.places import find_middle
+from validation.render.image import Scale, tactile_image
 from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
@@ -66,10 +68,12 @@ class DataSheet:
     Attributes:
         sensor: Name of the sensor.
         entries: Lines of the data sheet.
+        picture: Forces on the texels under a load on one of them, as SVG.
     """
 
     sensor: str
     entries: tuple[Entry, ...]
+    picture: str
 
     @property
     def title(self) -> str:
@@ -105,7 +109,7 @@ class DataSheet:
             for name, *rest in self._rows()
         )
         headings = "".join(f'<th scope="col">{each}</th>' for each in _HEADINGS)
-        return _PAGE.format(title=html.escape(self.title), headings=headings, rows=rows)
+        return _PAGE.format(title=html.escape(self.title), headings=headings, rows=rows, picture=self.picture)
 
     def _rows(self) -> list[tuple[str, ...]]:
         return [(entry.name, entry.text, entry.definition, entry.source) for entry in self.entries]
@@ -115,8 +119,10 @@ _HEADINGS = ("quantity", "value", "definition", "source")
 _PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>{title}</title>
-<style>body{{font-family:sans-serif;margin:2em;max-width:70em}}td,th{{padding:.4em;text-align:left;vertical-align:top}}</style>
+<style>body{{font-family:sans-serif;margin:2em;max-width:70em}}table{{border-collapse:collapse}}
+td,th{{padding:.4em;text-align:left;vertical-align:top;border-bottom:1px solid #ccc}}figure{{margin:1em 0}}</style>
 <h1>{title}</h1>
+<figure>{picture}<figcaption>Forces on the texels under a load on one of them, in % of the load</figcaption></figure>
 <table>
 <thead><tr>{headings}</tr></thead>
 <tbody>
@@ -147,7 +153,10 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
         *_list_time(parameters, source),
         *_list_errors(parameters, source),
     )
-    return DataSheet(sensor=parameters.array.name if sensor is None else sensor.name, entries=entries)
+    array = parameters.array
+    share = np.asarray(parameters.spread.operator(array))[:, find_middle(array)]
+    picture = tactile_image(array, share, Scale(peak=float(share.max()), unit="%", factor=100), name="Spread")
+    return DataSheet(sensor=array.name if sensor is None else sensor.name, entries=entries, picture=picture)
 
 
 def _make_entry(name: str, text: str | None, definition: str, source: str, values: dict[str, Any]) -> Entry:

@@ -1,7 +1,8 @@
 """Pages of the documentation as programs: their blocks of code run in order, in an empty folder.
 
 A block that begins with ```python or ```sh runs, except ```sh notest.  A comment `<!-- test: python` or `<!-- test: sh`
-holds a block that runs but is not shown, `<!-- file: NAME -->` before a block writes the block to a file.
+holds a block that runs but is not shown, `<!-- file: NAME -->` before a block writes the block to a file.  A block
+```text after ```sh is a part of what the commands print; `...` stands for the rest.
 """
 
 from __future__ import annotations
@@ -11,8 +12,12 @@ import os
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
+import pytest
+
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md"))
@@ -36,21 +41,45 @@ def list_blocks(path):
     return found
 
 
+def list_missing(shown, printed):
+    """List the shown lines that are not printed: their words must agree, and their numbers to 5 %."""
+    return [
+        line
+        for line in shown.splitlines()
+        if line != "..." and not any(map(partial(is_shown, line), printed.splitlines()))
+    ]
+
+
+def is_shown(line, printed):
+    """Whether a printed line has the words and the numbers of a shown one."""
+    return _NUMBER.sub("#", line).split() == _NUMBER.sub("#", printed).split() and all(
+        float(now) == pytest.approx(float(then), rel=0.05, abs=0 if "." in then else 1)
+        for then, now in zip(_NUMBER.findall(line), _NUMBER.findall(printed), strict=True)
+    )
+
+
 def make_program(path):
     """Make a Python program of the blocks of a page that run."""
     lines = [
         "import subprocess",
         "from pathlib import Path",
         "def run_shell(code):",
-        "    assert subprocess.run(['bash', '-euo', 'pipefail', '-c', code]).returncode == 0, code",
+        "    done = subprocess.run(['bash', '-euo', 'pipefail', '-c', code], stdout=subprocess.PIPE, text=True)",
+        "    assert done.returncode == 0, code",
+        "    return done.stdout",
+        "from tests.support.pages import list_missing",
     ]
+    previous = ""
     for language, code in list_blocks(path):
         if language == "python":
             lines.append(code)
         elif language == "sh":
-            lines.append(f"run_shell({code!r})")
+            lines.append(f"printed = run_shell({code!r})")
+        elif language == "text" and previous == "sh":
+            lines.append(f"assert list_missing({code!r}, printed) == []")
         elif language.startswith("file "):
             lines.append(f"Path({language.split()[1]!r}).write_text({code!r})")
+        previous = language
     return "\n".join(lines)
 
 

@@ -139,6 +139,9 @@ def test_files_hold_every_entry(softcover, tmp_path):
     assert (tmp_path / "sheet.md").read_text() == sheet.markdown()
     rows = re.findall(r"^\| (.*?) \|", (tmp_path / "sheet.md").read_text(), flags=re.MULTILINE)
     assert rows[2:] == [entry.name for entry in sheet.entries]
+    shares = [float(each) for each in re.findall(r"\] ([\d.e-]+) %</title>", sheet.html())]
+    assert len(shares) == 68  # active texels
+    assert sum(shares) == pytest.approx(100, abs=1)  # a load on the middle texel, far from the edges
     table = re.search("<table>.*</table>", dataclasses.replace(sheet, sensor="<x>").html(), flags=re.DOTALL)[0]
     cells = [row.findtext("th") for row in ET.fromstring(table).iter("tr")]  # noqa: S314 -- ours
     assert cells[1:] == [entry.name for entry in sheet.entries]
