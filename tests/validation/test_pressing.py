@@ -9,6 +9,7 @@ import pytest
 import validation
 from meshes import Pose, Sphere
 from meshes.solids import flat_pad
+from tests.support.coarse_cells import coarse_cells
 from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
 from validation.cover_meshes import make_meshes
@@ -20,6 +21,12 @@ from validation.places import SolidPlaces
 from validation.press_files import write_press
 
 BALL = "sphere:radius=4mm"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _cells():
+    with coarse_cells():
+        yield
 
 
 @pytest.fixture(scope="module")

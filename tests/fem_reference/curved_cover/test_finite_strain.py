@@ -15,7 +15,7 @@ NEO = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5
 BALL = Sphere(radius=4e-3)
 DOWN = [0.0, 0, -1]
 SMALL = phalanx(length=6e-3, rows=1, columns=1, pitch=2e-3)
-MESHES = [SMALL.mesh(size, layers=2) for size in (2e-3, 1.6e-3)]
+MESHES = [SMALL.mesh(size, layers=2) for size in (3e-3, 2.4e-3)]
 
 
 def test_the_limit_of_small_loads_is_small_strain_and_the_base_bears_the_load():

@@ -39,7 +39,7 @@ def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
     assert find_touch(top, BALL, beside) == np.inf
 
 
-def test_load_and_depth_control_agree_and_the_base_bears_the_load():
+def test_load_and_depth_control_agree_and_the_base_bears_the_load(full_cells):
     pose = at_angle(0.3, y=0.5e-3)
     loaded = press(SOLID, COVER.texels, BALL, pose, load=0.5)
     driven = press(SOLID, COVER.texels, BALL, pose, depth=loaded.depth)

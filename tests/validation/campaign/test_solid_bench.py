@@ -10,6 +10,7 @@ from fem_reference.indentation.result import PressProblem
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
+from tests.support.coarse_cells import coarse_cells
 from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
 from validation.campaign.plan import plan_cases
@@ -38,6 +39,12 @@ at = "off grid"
 direction = "oblique x"
 tilt = "0deg,45deg"
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _cells():
+    with coarse_cells():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 
 from meshes.bounded_file import parse_toml
 from meshes.solids.texels import cylinder_texels
+from tests.support.coarse_cells import coarse_cells
 from tests.support.report_page import Page
 from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.evaluation import evaluate
@@ -36,6 +37,12 @@ CHECK = Check(
     name="made up", exact="made up", sizes=(1.0, 0.5, 0.25), errors=(0.0401, 0.0123, 0.0031), result=0.0031,
     least_order=1.0, tolerance=0.01,
 )  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _cells():
+    with coarse_cells():
+        yield
 
 
 @pytest.fixture(scope="module")

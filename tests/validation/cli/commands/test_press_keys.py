@@ -6,6 +6,8 @@ import resource
 import numpy as np
 import pytest
 
+from tests.support.coarse_cells import coarse_cells
+
 BALL = ("--indenter", "sphere:radius=4mm", "--load", "0.5N")
 
 
@@ -18,7 +20,14 @@ def list_keys(values, above=""):
             yield from list_keys(value, f"{above}{name}.")
 
 
+@pytest.fixture
+def _cells():
+    with coarse_cells():
+        yield
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("_cells")
 def test_flat_and_curved_presses_have_the_same_keys_and_a_second_one_is_read(softcover):
     found = []
     for sensor in ("wts-0614-34", "flat-pad", "flat-pad"):
