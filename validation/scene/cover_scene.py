@@ -31,6 +31,8 @@ class _Numbers:
 
 
 _NUMBERS = _Numbers()
+#: Names of the parts of the surface of an unloaded cover, whose nodes have the values 1, 2 and 3.
+PARTS = ("left out", "touchable", "bonded")
 #: Nodes at the corners of the 8 small hexahedra into which a hexahedron of 27 nodes is split, in the order of VTK,
 #: shape (8, 8).
 _PARTS = np.array(
@@ -224,15 +226,14 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
     part = np.full(len(mesh.nodes), 2.0)
     for number, facets in ((1.0, mesh.left_out), (3.0, mesh.base)):
         part[np.unique(facets)] = number
-    label = "1 left out, 2 touchable, 3 bonded"
     return CoverScene(
         position=mesh.nodes,
         displacement=np.zeros_like(mesh.nodes),
         cells=split_cells(mesh),
         surface=part,
-        surface_label=label,
+        surface_label="parts",
         inside=part,
-        inside_label=f"{label} ",  # another bar, because pyvista merges bars of one title
+        inside_label="parts ",  # another bar, because pyvista merges bars of one title
         thickness=compute_volume(mesh) / measure_area(mesh, "base"),
         texels=texels,
         title=title,

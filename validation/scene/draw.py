@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
 from validation.extras import MissingExtraError
-from validation.scene.cover_scene import CoverScene
+from validation.scene.cover_scene import PARTS, CoverScene
 from validation.scene.rendering import RenderingError, open_plotter
 
 _LOG = logging.getLogger(__name__)
@@ -35,8 +35,8 @@ class _Style:
     height: int = 820
     #: Name of the colour map of the pressure on the surface of a cover.
     pressure_map: str = "YlGnBu"
-    #: Colours of the left-out, touchable and bonded parts of a cover without load, after that of no part.
-    part_colours: tuple[str, ...] = ("#ffffff", "#f4a261", "#8ecae6", "#6d597a")
+    #: Colours of the left-out, touchable and bonded parts of a cover without load.
+    part_colours: tuple[str, ...] = ("#f4a261", "#8ecae6", "#6d597a")
     #: Name of the colour map of the values in the section through a cover.
     stress_map: str = "YlOrRd"
     #: Name of the colour map of the forces on texels.
@@ -283,20 +283,23 @@ def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours
         plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
         return surface
-    if not scene.displacement.any():  # parts of an unloaded cover
+    limits, bar, words = _find_limits(scene, name), _bar(getattr(scene, f"{name}_label")), None
+    if not scene.displacement.any():  # parts of an unloaded cover, with their names at the middles of their colours
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
-        colours = list(_STYLE.part_colours)
+        colours, limits, bar["n_labels"] = list(_STYLE.part_colours), (0.5, len(PARTS) + 0.5), 0
+        bar["position_y"] = 0.06  # the names stand below the colours
+        words = {float(number): word for number, word in enumerate(PARTS, 1)}
     plotter.add_mesh(
-        surface, scalars=name, cmap=colours, clim=_find_limits(scene, name),
-        log_scale=name == "inside" and scene.logarithmic, scalar_bar_args=_bar(getattr(scene, f"{name}_label")),
-        ambient=_STYLE.ambient, diffuse=1 - _STYLE.ambient,
+        surface, scalars=name, cmap=colours, clim=limits, log_scale=name == "inside" and scene.logarithmic,
+        scalar_bar_args=bar, annotations=words, ambient=_STYLE.ambient, diffuse=1 - _STYLE.ambient,
     )  # fmt: skip
     return surface
 
 
 def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: bool = True) -> None:
     """Add title and ruled edges to a view and place its camera; `height` is whether the edge along z is ruled."""
-    plotter.add_text(text, position="upper_left", font_size=13, color="black")
+    title = plotter.add_text(text, position=(0.01, 0.985), viewport=True, font_size=11, color="black")
+    title.prop.justification_vertical = "top"
     bounds, counts = [], []
     for axis in range(3):
         low, high, count = _round_edge(float(shown.bounds[2 * axis]), float(shown.bounds[2 * axis + 1]))

@@ -69,8 +69,8 @@ def describe(renderer):
                     colour=actor.prop.color.hex_rgb, logarithmic=mapper.lookup_table.log_scale,
                 )
             )  # fmt: skip
-        elif isinstance(actor, pyvista.CornerAnnotation):
-            texts.append(actor.GetText(2))
+        elif isinstance(actor, pyvista.Text):
+            texts.append(actor.input)
     edges = renderer.cube_axes_actor
     return SimpleNamespace(
         meshes=meshes, texts=texts, ruled=None if edges is None else np.array(edges.bounds),
