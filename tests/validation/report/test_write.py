@@ -48,6 +48,13 @@ def test_numbers_beside_the_page_are_those_of_the_evaluation(folder, evaluation)
         )
 
 
+def test_the_page_shows_words_and_no_code(folder, evaluation):
+    text = (folder / "index.html").read_text()
+    assert "Pose(" not in text
+    for case in evaluation.campaign.cases:
+        assert f"N at {case.case.place};" in text
+
+
 def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tmp_path):
     assert "assumed cover" in (folder / "index.html").read_text()
     known = load("wts-0614-34", material="neoprene", thickness="2mm")
