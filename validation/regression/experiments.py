@@ -214,6 +214,10 @@ _YAW = 0.17
 _BALL = 3.0
 #: Distance of the pressing ball from the centre of the middle texel along x and y, over the pitch [-].
 _BESIDE = (0.2, -0.3)
+#: Edges of the block that is pressed by all compared models, over the pitch along x and y [-].
+_BLOCK_SHARE = (1.7, 2.3)
+#: Distance of the ball at the edge from the centre of the last texel along x, over the pitch [-].
+_AT_EDGE = 0.4
 #: Number of rows of the oblong test array, which is the same for all sensors [-].
 _ROWS = 6
 #: Number of columns of the oblong test array [-].
@@ -282,7 +286,7 @@ def find_origin(array: TexelArray) -> FloatArray:
     return np.zeros(3) if array.planar else array.centres[array.middle]
 
 
-def face(array: TexelArray, texel: int, *, origin: FloatArray, at: tuple[float, float], yaw: float) -> Pose:
+def face(array: TexelArray, texel: int, *, origin: FloatArray, at: tuple[float, float], yaw: float = 0.0) -> Pose:
     """Return the pose of an indenter that moves along the normal of a texel.
 
     Args:
@@ -300,40 +304,45 @@ def press_letter(subject: Subject) -> Readings:
     """Press the H-shaped indenter on the sensor, by every contact method that its parameters allow."""
     array = subject.parameters.array
     letter, load, at, yaw = lay_letter_h(array)
-    return _press(subject.parameters, letter, load=load, origin=find_origin(array), at=at, yaw=yaw)
+    pose = face(array, array.middle, origin=find_origin(array), at=at, yaw=yaw)
+    return _press(subject.parameters, letter, load=load, pose=pose)
+
+
+def lay_ball(array: TexelArray) -> tuple[Sphere, float, Pose]:
+    """Choose a ball for an array: its shape, load [N], and pose beside the centre of the middle texel."""
+    at = (_BESIDE[0] * array.pitch[0], _BESIDE[1] * array.pitch[1])
+    pose = face(array, array.middle, origin=array.centres[array.middle], at=at)
+    return Sphere(radius=_BALL * min(array.pitch)), LETTER_PRESSURE * float(np.prod(array.pitch)), pose
+
+
+def lay_block(array: TexelArray) -> tuple[Box, float, Pose]:
+    """Choose a block for an array: its shape, load [N], and pose, turned and beside the centre of the middle texel."""
+    x, y = (share * pitch for share, pitch in zip(_BLOCK_SHARE, array.pitch, strict=True))
+    at = (_BESIDE[0] * array.pitch[0], _BESIDE[1] * array.pitch[1])
+    pose = face(array, array.middle, origin=array.centres[array.middle], at=at, yaw=_YAW)
+    return Box(size=(x, y, min(x, y))), LETTER_PRESSURE * x * y, pose
 
 
 def press_ball(subject: Subject) -> Readings:
     """Press a ball on the sensor, beside a texel's centre, by the methods that compute the area under a ball."""
-    array = subject.parameters.array
-    return _press(
-        subject.parameters,
-        Sphere(radius=_BALL * min(array.pitch)),
-        load=LETTER_PRESSURE * float(np.prod(array.pitch)),
-        origin=array.centres[array.middle],
-        at=(_BESIDE[0] * array.pitch[0], _BESIDE[1] * array.pitch[1]),
-        among=AREA_METHODS,
-    )
+    ball, load, pose = lay_ball(subject.parameters.array)
+    return _press(subject.parameters, ball, load=load, pose=pose, among=AREA_METHODS)
 
 
 def press_edge(subject: Subject) -> Readings:
     """Press the ball on the outer edge of the last texel, where much of the force lies outside the array."""
     array = subject.parameters.array
+    ball, load, _ = lay_ball(array)
     last = int(np.flatnonzero(array.active)[-1])
-    return _press(
-        subject.parameters,
-        Sphere(radius=_BALL * min(array.pitch)),
-        load=LETTER_PRESSURE * float(np.prod(array.pitch)),
-        origin=array.centres[last],
-        at=(0.4 * array.pitch[0], 0.0),
-        among=AREA_METHODS,
-        texel=last,
-    )
+    pose = face(array, last, origin=array.centres[last], at=(_AT_EDGE * array.pitch[0], 0.0))
+    return _press(subject.parameters, ball, load=load, pose=pose, among=AREA_METHODS)
 
 
 def press_oblong(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
     """Press a block on the oblong test array, which is the same for all sensors, by every contact method."""
-    return _press(make_oblong(), Box(size=_BLOCK), load=_BLOCK_LOAD, origin=np.zeros(3), at=_BLOCK_AT, yaw=_BLOCK_YAW)
+    parameters = make_oblong()
+    pose = face(parameters.array, 0, origin=np.zeros(3), at=_BLOCK_AT, yaw=_BLOCK_YAW)
+    return _press(parameters, Box(size=_BLOCK), load=_BLOCK_LOAD, pose=pose)
 
 
 def measure_spread(subject: Subject) -> Readings:
@@ -399,27 +408,20 @@ def _press(
     indenter: Indenter,
     *,
     load: float,
-    origin: FloatArray,
-    at: tuple[float, float],
-    yaw: float = 0.0,
+    pose: Pose,
     among: Container[str] = tuple(METHODS),
-    texel: int | None = None,
 ) -> Readings:
-    """Press an indenter along the normal of a texel by several contact methods; return forces and depth.
+    """Press an indenter by several contact methods; return forces and depth.
 
     Args:
         parameters: The sensor.
         indenter: The indenter.
         load: Load [N].
-        origin: Reference point of `at`, shape (3,) [m].
-        at: Position of the axis along the tangent axes of the texel [m].
-        yaw: Rotation of the indenter [rad].
+        pose: Pose of the indenter.
         among: Names of the contact methods.
-        texel: Index of the texel; the middle one when not given.
     """
     readings: Readings = {}
     array = parameters.array
-    pose = face(array, array.middle if texel is None else texel, origin=origin, at=at, yaw=yaw)
     for method in (each for each in list_methods(parameters) if each in among):
         pressed = indent(parameters, indenter, load=load, pose=pose, contact=method)
         # The forces are read before the point spread, because quantities of their own measure the spread.

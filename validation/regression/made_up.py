@@ -50,7 +50,7 @@ _PLACES: Mapping[str, tuple[float, float]] = MappingProxyType({"first": (0.4e-3,
 #: Loads of each series [N].  The last one is the first of them once more.
 _LOADS = (4.0, 1.5, 2.5, 5.5, 7.0, 8.5, 4.0)
 #: Sensitivity [counts/N], dead force [N], temperature coefficient [1/K] and creep per unit of ln(time) [-].
-_SLOPE, _DEAD, _WARM, _CREEP = 2000.0, 0.02, 0.008, 0.02
+_SLOPE, _DEAD, _WARM, _CREEP = 2000.0, 0.02, 0.008, 0.03
 #: Counts that the firmware subtracts, and standard deviation of the width at which the cover spreads forces [-], [m].
 _THRESHOLD, _WIDTH = 60.0, 1.2e-3
 #: Time of loading, duration and interval of frames of a recording [s].
@@ -69,15 +69,16 @@ _LIMITS = (0.03, 0.05, 0.09)
 _FILE = f"""
 name = "made up"
 indenter = "box:size=8mmx12mmx5mm"
-window = [4, 8]
 yaw = "0 deg"
 threshold = {_THRESHOLD}
 [[series]]
 name = "first"
 files = "first/*"
+window = [3, 5]
 [[series]]
 name = "second"
 files = "second/*"
+window = [5, 8]
 [[split]]
 name = "moved"
 fit = "first"
@@ -170,7 +171,8 @@ def score_fixed_recordings(subject: Subject) -> Readings:
     sensor = replace(BUILT_IN["wts-0614-34"], array=parameters.array)
     with _write_data_set(parameters.array) as data_set:
         scores = score_recordings(data_set, sensor, parameters, inputs=Inputs(friction=0.0))
-    rows = {row.model + ", texel gains" * row.texel_gains: row for row in scores.rows}
+    # The forces of boxes jump with the pose, so that poses fitted with them depend on rounding.
+    rows = {row.model + ", texel gains" * row.texel_gains: row for row in scores.rows if "boxes" not in row.model}
     fitted, _, behind = find_difference(scores.rows)
     errors = {
         f"{each.case}, {each.quantity}": [each.u_num, each.u_input, each.u_data]
@@ -209,7 +211,7 @@ def judge_fixed_scores(subject: Subject) -> Readings:  # noqa: ARG001 -- every e
         "interval below the limit": (_make_campaign(high), whole),
         "one case above its limit": (_make_campaign(high, each=middle), whole),
         "every case below its limit": (_make_campaign(high, each=high), whole),
-        "four cases": (_make_campaign(high), few),
+        "four cases": (_make_campaign({"misplaced_force": 2 * _LIMITS[2]}), few),
         "a fault in the campaign": (_make_campaign(high, left_out=("a fault",)), whole),
         "interrupted": (_make_campaign(high), replace(whole, interrupted=True)),
         "inaccurate reference": (_make_campaign(high), replace(whole, noise_floor={"misplaced_force": 0.04})),

@@ -226,13 +226,12 @@ def _measure_outward_shear(found: Indentation, pose: Pose) -> float:
 
 
 def measure_comparison_models(subject: Subject) -> Readings:
-    """Press the H by every model that is compared, and collect its forces and their moments."""
+    """Press a block by every model that is compared, and collect its forces and their moments."""
     if subject.comparison is None:
         return {}
     array = subject.parameters.array
-    letter, load, at, yaw = experiments.lay_letter_h(array)
-    pose = experiments.face(array, array.middle, origin=experiments.find_origin(array), at=at, yaw=yaw)
-    found = subject.comparison.compute_models(Case(name="H", indenter=letter, shape="letter-h", load=load, pose=pose))
+    block, load, pose = experiments.lay_block(array)
+    found = subject.comparison.compute_models(Case(name="block", indenter=block, shape="box", load=load, pose=pose))
     predicted = {**found.models, **found.published}
 
     def collect(unit: str, tolerance: float | str, take: Callable[[FloatArray, float], object]) -> Reading | None:

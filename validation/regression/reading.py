@@ -60,6 +60,7 @@ class Subject:
     def _prepare_bench(self, parameters: Parameters | None) -> Bench | None:
         if self.derivation is None:
             return None
+        import validation.campaign.evaluation  # noqa: F401 -- registers the benches of all kinds of covers
         from validation.campaign.bench import prepare_bench
 
         sensor = replace(self.derivation.sensor, friction=0.0)

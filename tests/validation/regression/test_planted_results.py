@@ -1,0 +1,194 @@
+"""Planted changes of every kind of result beyond the flat chain make the check red, and the quantity is named."""
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import fastmodel.bench
+import fem_reference
+import validation.calibration.calibrate as calibration
+from fastmodel import Electronics
+from fastmodel.adapters import rigid_models
+from tests.validation.regression.planted import edit
+from validation import data_sheet, verdict
+from validation.calibration.calibrate import Calibration
+from validation.calibration.model import CountCurve
+from validation.calibration.uncertainty import Uncertainty
+from validation.campaign import evaluation
+from validation.campaign.results import Reference
+from validation.credibility import recorded
+from validation.data_sets import score
+from validation.derivation.derive import derive
+from validation.published.models import Row
+from validation.regression import quantities
+from validation.regression.baseline import compare, make_baseline
+from validation.regression.quantities import EXPERIMENTS, measure
+from validation.regression.reading import Subject
+from validation.sensor_file import load
+
+pytestmark = pytest.mark.slow
+CURVED = Path(__file__).parents[3] / ".ci" / "bent-pad.toml"
+
+
+def flip_shear(monkeypatch, parameters):
+    healthy = fem_reference.press
+
+    def press(*arguments, **options):
+        found = healthy(*arguments, **options)
+        return replace(found, contact_forces=found.contact_forces * [-1, -1, 1])
+
+    monkeypatch.setattr(fem_reference, "press", press)
+    return parameters
+
+
+def weaken_curved_reference(monkeypatch, parameters):
+    healthy = Reference.of
+
+    def weaken(found):
+        reference = healthy(found)
+        return replace(reference, texel_forces=0.98 * reference.texel_forces)
+
+    monkeypatch.setattr(Reference, "of", weaken)
+    return parameters
+
+
+def weaken_curved_model(_monkeypatch, parameters):
+    surface = parameters.surface
+    return replace(parameters, surface=replace(surface, influence=0.97 * surface.influence))
+
+
+def halve_recorded_iteration(monkeypatch, parameters):
+    monkeypatch.setattr(recorded, "ITERATION", recorded.ITERATION / 2)
+    return parameters
+
+
+#: Sensor, change, and the quantity that must be named, by name.
+PLANTS = {
+    "curved reference -2 %": ("curved", weaken_curved_reference, "reference: largest texel force"),
+    "curved fast model -3 %": ("curved", weaken_curved_model, "accuracy: misplaced force"),
+    "scores on recordings x 0.9": (
+        "flat",
+        edit(score, "score_counts", "image.image_changed_percent", "0.9 * image.image_changed_percent"),
+        "recordings: image changed",
+    ),
+    "switched-off texels scored": (
+        "flat",
+        edit(score, "score_counts", "array.active if measured is None else measured", "array.active | True"),
+        "recordings: image changed",
+    ),
+    "calibrated gains in the wrong order": (
+        "flat",
+        edit(Calibration, "electronics", "self.gains.tolist()", "self.gains[::-1].tolist()"),
+        "calibration: electronics",
+    ),
+    "sign of the temperature coefficient": (
+        "flat",
+        edit(calibration, "_list_estimates", "curve.gain_temperature,", "-curve.gain_temperature,"),
+        "calibration: estimates",
+    ),
+    "one-sided quantile in the intervals": (
+        "flat",
+        edit(Uncertainty, "half_width", "0.5 + CONFIDENCE / 2", "CONFIDENCE"),
+        "calibration: estimates",
+    ),
+    "threshold of the firmware ignored": (
+        "flat",
+        edit(CountCurve, "predict", " - thresholds[:, None]", ""),
+        "calibration: estimates",
+    ),
+    "creep lost on export": (
+        "flat",
+        edit(CountCurve, "electronics", "[age]", "[self.reference_age]"),
+        "recordings: electronics",
+    ),
+    "u_num of recordings halved": ("flat", halve_recorded_iteration, "recordings: uncertainties"),
+    "u_num halved": (
+        "flat",
+        edit(quantities, "compare_quantities", "u_num=u_num,", "u_num=u_num / 2,"),
+        "uncertainty: of each quantity",
+    ),
+    "a model that adds 1 % force": (
+        "flat",
+        edit(Row, "predict", "np.where(active, texels", "np.where(active, 1.01 * texels"),
+        "comparison models: force on texels",
+    ),
+    "verdict by the mean": (
+        "flat",
+        edit(verdict, "_find_mean", "high <= limit", "pooled.mean <= limit"),
+        "verdict: verdict",
+    ),
+    "few cases decide": (
+        "flat",
+        edit(verdict, "_find_mean", "pooled.few or undefined", "undefined"),
+        "verdict: verdict",
+    ),
+    "outside -2 %": (
+        "flat",
+        edit(fastmodel.bench, "_describe", "float(reading.carried", "0.98 * float(reading.carried"),
+        "edge: cover, force outside",
+    ),
+    "shear in the other direction": ("flat", flip_shear, "friction: shear outwards"),
+    "threshold before the gain": (
+        "flat",
+        edit(
+            Electronics,
+            "counts",
+            "signal * xp.asarray(self.gains, dtype=signal.dtype)",
+            "(signal - self.threshold) * xp.asarray(self.gains, dtype=signal.dtype) + self.threshold",
+        ),
+        "electronics: all",
+    ),
+    "angles of URDF in another order": ("flat", edit(rigid_models, "compute_angles", '"xyz"', '"zyx"'), "export: URDF"),
+    "width in the data sheet without pitch": (
+        "flat",
+        edit(data_sheet, "_list_space", "_WIDTH_AT_HALF * s * p", "_WIDTH_AT_HALF * s * 1e-3"),
+        "data sheet: of the sensor",
+    ),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_cases():
+    """Take every eighth case of the default campaigns."""
+    whole = evaluation.read_plan
+
+    def read_plan(*arguments):
+        plan = whole(*arguments)
+        return replace(plan, cases=plan.cases[::8])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evaluation, "read_plan", read_plan)
+        yield
+
+
+@functools.cache
+def derived(kind):
+    return derive(load({"flat": "wts-0614-34", "curved": CURVED}[kind]))
+
+
+def measured(kind, group, parameters):
+    subject = Subject(parameters=parameters, derivation=derived(kind))
+    readings, failures = measure(subject, groups={group: EXPERIMENTS[group]}, progress=lambda _: None)
+    assert not failures
+    return make_baseline("sensor", readings)
+
+
+@functools.cache
+def healthy(kind, group):
+    return measured(kind, group, derived(kind).parameters)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_a_change_is_red_and_names_the_quantity(name, monkeypatch):
+    kind, plant, title = PLANTS[name]
+    group = title.partition(":")[0]
+    stored = healthy(kind, group)
+    parameters = plant(monkeypatch, derived(kind).parameters)
+    assert title in {each.quantity for each in compare(stored, measured(kind, group, parameters), {})}
+
+
+@pytest.mark.parametrize("group", ["verdict", "export", "data sheet", "calibration", "recordings", "edge"])
+def test_unchanged_results_are_green(group):
+    assert compare(healthy("flat", group), measured("flat", group, derived("flat").parameters), {}) == []
