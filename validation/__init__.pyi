@@ -2,6 +2,7 @@
 
 from .api import (
     calibrate as calibrate,
+    fit_filter as fit_filter,
     datasheet as datasheet,
     derive as derive,
     export as export,

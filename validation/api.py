@@ -21,6 +21,7 @@ from validation.sensor_file import load as load_description
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
     from validation.calibration.point_load import PointLoadCalibration
+    from validation.calibration.step_response import StepResponse
     from validation.campaign.campaign_file import Campaign
     from validation.campaign.comparison import Comparison
     from validation.campaign.evaluation import Evaluation, RecordingEvaluation
@@ -351,6 +352,37 @@ def regress(
         way_out = f"check the stored parameters: softcover export {found.name} --out FOLDER, softcover regress FOLDER"
         require("skfem", otherwise=way_out if found is BUILT_IN.get(found.name) else "")
     return check_sensor(found, Path(baseline), update=update, seed=seed, progress=_Stages(progress))
+
+
+def fit_filter(
+    recordings: Sequence[str | Path], sensor: SensorDescription | str | Path, at: float, *, array: int | None = None
+) -> StepResponse:
+    """Fit the low-pass filter of a real sensor to a recording with one step of the load.
+
+    Args:
+        recordings: One recording.
+        sensor: Sensor, for recordings that state no layout.
+        at: Instant of the step from the first frame [s].
+        array: Index of the pressed array; None for the array with the largest change of counts.
+
+    Returns:
+        Orders, cut-off and delay with intervals, or why they are not identifiable.
+
+    Raises:
+        InputError: If there is not one recording, the step lies outside it, or nothing changes there.
+        RecordingError: If the recording is damaged.
+    """
+    from validation.calibration.step_response import fit_step, sum_pressed
+    from validation.recordings.importing import open_recording
+    from validation.recordings.recording import find_pressed_array
+
+    if len(recordings) != 1:
+        raise InputError(f"--step: takes one recording, not {len(recordings)}")
+    recording = open_recording(recordings[0], sensor=describe(sensor).array)
+    index = find_pressed_array(recording) if array is None else array
+    if index >= len(recording.arrays):
+        raise InputError(f"--array: the recording has {len(recording.arrays)} arrays, from 0")
+    return fit_step(*sum_pressed(recording.arrays[index], recording.times, at), at)
 
 
 def calibrate(

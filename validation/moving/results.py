@@ -14,6 +14,8 @@ from validation.results import Array, Column, Number, Result, result_model
 TRUTH = "truth"
 #: Share of the largest total force below which the distribution over the texels is not compared [-].
 _FAINT = 0.05
+#: Mean square difference of a shift over the smallest one, up to which it is as close [-], and rounding of it [N2].
+_AS_CLOSE, _ROUNDING = 1.5, 1e-15
 #: Longest delay that is searched, and the longest advance [s].
 _LATEST, _EARLIEST = 0.5, 0.01
 
@@ -123,9 +125,15 @@ def measure_delay(given: FloatArray, found: FloatArray, step: float) -> float:
         return float(((late - early) ** 2).mean())
 
     errors: Sequence[float] = [differ(shift) for shift in shifts.tolist()]
-    best = int(np.argmin(errors))
-    if best in (0, len(errors) - 1):
+    # A periodic signal is nearly as close after each period; the smallest of these shifts is the delay.
+    dips = [
+        k
+        for k in range(1, len(errors) - 1)
+        if errors[k] <= min(errors[k - 1], errors[k + 1]) and errors[k] <= _AS_CLOSE * min(errors) + _ROUNDING
+    ]
+    if not dips:
         return float("nan")
+    best = min(dips, key=lambda k: abs(shifts[k]))
     before, least, after = errors[best - 1 : best + 2]
     bend = before - 2 * least + after
     return float(step * (shifts[best] + (0.5 * (before - after) / bend if bend > 0 else 0.0)))

@@ -135,6 +135,13 @@ def test_the_delay_of_a_shifted_signal_is_found_between_samples(late):
     assert measure_delay(given, found, 1 / RATE) == pytest.approx(late, abs=0.05e-3)
 
 
+def test_the_delay_of_a_periodic_signal_is_less_than_a_period():
+    """50 Hz through frames of 271 Hz: half a frame, half a sample, and no whole periods of 20 ms."""
+    times = np.arange(500) / RATE
+    given = np.abs(np.sin(np.pi * 50 * times))[:, None]
+    assert measure_delay(given, hold(given, 271.0), 1 / RATE) == pytest.approx(0.5 / 271 + 0.5 / RATE, abs=0.3e-3)
+
+
 def test_misplaced_force_compares_shapes_where_there_is_force():
     true = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
     found = np.array([[9.0, 0.0, 0.0], [2.0, 1.0, 1.0], [0.01, 0.01, 0.0]])

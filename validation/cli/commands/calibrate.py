@@ -13,6 +13,7 @@ from validation.cli import options, output
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
     from validation.calibration.point_load import PointLoadCalibration
+    from validation.calibration.step_response import StepResponse
 
 #: Built-in sensor whose published line is printed beside the fitted one.
 _PUBLISHED = "wts-0614-34"
@@ -35,6 +36,7 @@ def calibrate(
     profile_thickness: bool = False,
     tip: options.Length | None = None,
     texel: options.Index | None = None,
+    step: options.Time | None = None,
     out: options.File | None = None,
     picture: options.File | None = None,
     polynomial: bool = False,
@@ -49,6 +51,7 @@ def calibrate(
         softcover calibrate 200g.mcap 400g.mcap 600g.mcap 800g.mcap --sensor sensor.toml
         softcover calibrate data-set.toml --sensor sensor.toml --out calibrated.toml --picture left-out.png
         softcover calibrate trial*.mcap --sensor wts-0614-34 --tip 1mm --texel 39
+        softcover calibrate dropped.mcap --sensor sensor.toml --step 1.204s
 
     Args:
         recordings: Recordings under known loads, or one data-set file.
@@ -65,6 +68,7 @@ def calibrate(
         profile_thickness: Examine the thickness of the cover by fits on thinner and thicker covers (about a minute).
         tip: Radius of a rounded tip, e.g. 1mm: fit the slope of one texel per trial.
         texel: Index of the texel under the tip, from 0, row by row.
+        step: Instant of a step of the load in one recording: fit the sensor's filter to it, and nothing else.
         out: Sensor file to write: a copy of --sensor with new [electronics].
         picture: Draw left-out recordings and their prediction, a .png file.
         polynomial: Write the characteristic of degree 5 instead of the line.
@@ -73,6 +77,10 @@ def calibrate(
     from validation.calibration.calibrate import Calibration
 
     description, span = options.read_description(sensor), options.read_time_span("--window", window, "6s:9s")
+    if step is not None:
+        response = api.fit_filter(recordings, description, step, array=array)
+        output.print_json(response.as_json()) if json else _show_step(response)
+        return
     with output.Progress() as progress:
         found = api.calibrate(
             recordings, description, indenter=indenter, at=at, yaw=yaw, moved=moved, method=method, array=array,
@@ -115,6 +123,23 @@ def _show(found: Calibration, name: str) -> None:
         output.show(f"left-out recordings: {found.hold_out}")
     for note in found.notes:
         output.show(f"- {note}")
+
+
+def _show_step(found: StepResponse) -> None:
+    """Print the filter of a step, and what to write into a sensor file."""
+    orders = ", ".join(map(str, found.orders))
+    output.show(f"{found.frames} frames; noise {found.noise:.3g} counts on the sum; orders not excluded: {orders}")
+    low, high = (1e3 * each for each in (found.delay.low, found.delay.high))
+    output.show(
+        f"delay besides the filter: {1e3 * found.delay.value:.3g} ms (95 % interval {low:.3g} to {high:.3g} ms)"
+    )
+    if found.reason:
+        output.show(f"filter not identifiable: cut-off at least {found.cutoff.low:.3g} Hz; {found.reason}")
+        return
+    output.show(
+        f"cut-off {found.cutoff.value:.4g} Hz (95 % interval {found.cutoff.low:.4g} to {found.cutoff.high:.4g} Hz)"
+    )
+    output.show(f'for the sensor file: [filter] cutoff = "{found.cutoff.value:.4g} Hz", order = {found.orders[0]}')
 
 
 def _show_point(found: PointLoadCalibration) -> None:

@@ -1,0 +1,97 @@
+"""The filter from a step of the load: its step response, coverage of the intervals, and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfilt, step
+
+from fastmodel.signal.creep import Creep
+from validation.calibration.step_response import fit_step, respond
+from validation.errors import InputError
+
+
+def record(order, cutoff, rate, seed, *, noise=10.0, delay=0.004, creep=0.1):
+    """Sums of counts at the frames of a sensor with a filter, a delay and creep; the step lies between two frames."""
+    random, fine = np.random.default_rng([order, round(10 * cutoff), seed]), 20e3
+    at, times = 1.0 + random.uniform(0, 1 / rate), np.arange(int(2 * fine)) / fine
+    ladder = Creep(creep)
+    after = np.clip(times - at - delay, 0, None)[:, None]
+    load = ladder.instant + ladder.weight * (1 - np.exp(-after / ladder.times)).sum(axis=1)
+    passed = sosfilt(butter(order, cutoff, fs=fine, output="sos"), 2000 * load * (times >= at + delay))
+    frames = np.arange(int(2 * rate)) / rate
+    return frames, 500 + np.interp(frames, times, passed) + random.normal(0, noise, len(frames)), at
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_the_step_response_equals_that_of_scipy(order):
+    times = np.linspace(0, 12, 50)
+    b, a = butter(order, 1.0, analog=True)
+    _, exact = step((b, a), T=times)
+    assert respond(order, times) == pytest.approx(exact, abs=1e-6)
+    assert not respond(order, -times).any()
+
+
+def test_a_filter_is_found_with_its_order_and_delay():
+    found = fit_step(*record(2, 12.0, 271.0, 2))
+    assert found.orders == (2,)
+    assert found.cutoff.value == pytest.approx(12.0, rel=0.03)
+    assert found.cutoff.low < 12 < found.cutoff.high < 1.1 * found.cutoff.low
+    assert found.delay.value == pytest.approx(4e-3, abs=1e-3)
+    assert not found.reason
+
+
+def test_frames_that_cannot_tell_the_filter_bound_it():
+    found = fit_step(*record(1, 100.0, 31.0, 3))
+    assert "do not tell the filter from a jump" in found.reason
+    assert found.cutoff.high == np.inf
+    assert np.isnan(found.cutoff.value)
+    assert 3 < found.cutoff.low < 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rate", "least"), [(271.0, 0.85), (31.0, 0.85)])
+def test_intervals_cover_over_orders_and_cutoffs(rate, least):
+    """Pooled over orders 1 to 4 and cut-offs of 2 to 100 Hz; 48 steps."""
+    held = [
+        found.cutoff.low <= cutoff <= found.cutoff.high
+        for order in (1, 2, 3, 4)
+        for cutoff in (2.0, 10.0, 30.0, 100.0)
+        for seed in range(3)
+        for found in [fit_step(*record(order, cutoff, rate, seed))]
+    ]
+    assert np.mean(held) >= least
+
+
+@pytest.mark.parametrize(
+    ("at", "words"),
+    [(5.0, "outside the recording"), (-1.0, "outside"), (0.01, "fewer than 5 frames before"), (0.5, "do not change")],
+)
+def test_a_wrong_instant_is_refused(at, words):
+    times, sums, _ = record(2, 12.0, 271.0, 1)
+    with pytest.raises(InputError, match=words):
+        fit_step(times, sums, at)
+
+
+def test_the_command_prints_the_filter_of_a_recording(softcover, tmp_path):
+    times, sums, at = record(2, 12.0, 271.0, 5)
+    share = np.array([[0.6, 0.3, 0.1, 0.0]])
+    counts = np.round(sums[:, None] * share).astype(int)
+    lines = ["time," + ",".join(f"texel{k}" for k in range(4))]
+    lines += [f"{time:.6f}," + ",".join(map(str, row)) for time, row in zip(times, counts.tolist(), strict=True)]
+    (tmp_path / "step.csv").write_text("\n".join(lines))
+    (tmp_path / "sensor.toml").write_text(
+        '[array]\nrows = 2\ncolumns = 2\npitch = "3 mm"\n[[cover.layer]]\nthickness = "2 mm"\nmaterial = "tpu"\n'
+    )
+    arguments = ("calibrate", "step.csv", "--sensor", "sensor.toml", "--step")
+    status, out, _ = softcover(*arguments, f"{at:.5f}s", "--json")
+    assert status == 0
+    assert json.loads(out)["cutoff"]["value"] == pytest.approx(12.0, rel=0.05)
+    status, out, _ = softcover(*arguments, f"{at:.5f}s")
+    assert '[filter] cutoff = "1' in out
+    status, _, err = softcover(*arguments, "7s")
+    assert status == 2
+    assert "outside the recording" in err
+    status, _, err = softcover("calibrate", "step.csv", "step.csv", "--sensor", "sensor.toml", "--step", "1s")
+    assert status == 2
+    assert "takes one recording" in err
