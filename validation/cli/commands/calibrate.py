@@ -88,19 +88,21 @@ def calibrate(
             profile_thickness=profile_thickness, tip=tip, texel=texel, out=out, picture=picture,
             polynomial=polynomial, progress=progress,
         )  # fmt: skip
-    for line in found.left_out:
-        output.say(f"softcover: {line}")
-    for path in (out, picture):
-        if path is not None:
-            output.say(
-                f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out"
-            )
+    _tell_files(found, out, picture)
     if json:
         output.print_json(found.as_json())
     elif isinstance(found, Calibration):
         _show(found, sensor)
     else:
         _show_point(found)
+
+
+def _tell_files(found: Calibration | PointLoadCalibration, *paths: Path | None) -> None:
+    """Print what was left out, and the files that were written or not."""
+    for line in found.left_out:
+        output.say(f"softcover: {line}")
+    for path in filter(None, paths):
+        output.say(f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out")
 
 
 def _show(found: Calibration, name: str) -> None:
