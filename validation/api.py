@@ -374,15 +374,13 @@ def fit_filter(
     """
     from validation.calibration.step_response import fit_step, sum_pressed
     from validation.recordings.importing import open_recording
-    from validation.recordings.recording import find_pressed_array
+    from validation.recordings.recording import choose_array
 
     if len(recordings) != 1:
         raise InputError(f"--step: takes one recording, not {len(recordings)}")
     recording = open_recording(recordings[0], sensor=describe(sensor).array)
-    index = find_pressed_array(recording) if array is None else array
-    if index >= len(recording.arrays):
-        raise InputError(f"--array: the recording has {len(recording.arrays)} arrays, from 0")
-    return fit_step(*sum_pressed(recording.arrays[index], recording.times, at), at)
+    pressed = recording.arrays[choose_array(recording, array)]
+    return fit_step(*sum_pressed(pressed, recording.times, at), at)
 
 
 def calibrate(

@@ -8,6 +8,7 @@ data allow.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit, Options, compute_forces, fit_forward
 from validation.calibration.model import (
+    CREEP_START,
     REFERENCE,
     BoolArray,
     ContactMethod,
@@ -147,6 +149,7 @@ class Calibration(Result):
         report_line: `sensitivity` [1/N] and `offset` [-] of the straight line in the 2015 report, for comparison.
         left_out: One sentence for each recording that could not be used, whose counts were turned or drift, or whose
             label is in doubt.
+        reference_age: Time under load at which the line and the polynomial hold [s].
     """
 
     confidence: float
@@ -165,9 +168,13 @@ class Calibration(Result):
         default_factory=lambda: {"sensitivity": WTS_0614_34.sensitivity, "offset": WTS_0614_34.offset}
     )
     left_out: tuple[str, ...] = ()
+    reference_age: float = CREEP_START
 
     def electronics(self, *, polynomial: bool = False) -> dict[str, Any]:
         """Return keys and values for the table `[electronics]` of a sensor file.
+
+        With creep the characteristic is that of a load that was put down 2 s ago, where the creep of
+        `fastmodel.signal.creep` is one.
 
         Args:
             polynomial: Whether to take the polynomial of degree 5 instead of the straight line.
@@ -176,24 +183,27 @@ class Calibration(Result):
             InputError: If the polynomial is requested and was not fitted.
         """
         found = {name: estimate.value for name, estimate in self.estimates.items()}
+        creep = round(min(max(found.get("creep", 0.0), 0.0), MOST_CREEP), 4)
+        grown = 1 + creep * math.log(self.reference_age / CREEP_START)
+        sensitivity = found["sensitivity"] / grown
         table: dict[str, Any] = {
             "threshold": self.threshold,
             "gains": [round(gain, 5) for gain in self.gains.tolist()],
             "calibrated": TEXEL_FORCE,
         }
         if not polynomial:
-            table |= {"sensitivity": f"{found['sensitivity']:.6g} 1/N", "offset": round(found["offset"], 3)}
+            table |= {"sensitivity": f"{sensitivity:.6g} 1/N", "offset": round(found["offset"], 3)}
         elif self.polynomial is None:
             raise InputError("a polynomial of degree 5 needs recordings under at least 7 loads; there were fewer")
         else:
-            table["characteristic"] = self.polynomial.tolist()
+            table["characteristic"] = (self.polynomial / grown ** np.arange(len(self.polynomial))).tolist()
         if "output_max" in found:
             table["output_max"] = round(found["output_max"])
             table["saturation_band"] = round(found["saturation_band"], 1)
         if "noise" in found:
-            table["noise"] = f"{found['noise'] / found['sensitivity']:.4g} N"
-        if "creep" in found:
-            table["creep"] = round(min(max(found["creep"], 0.0), MOST_CREEP), 4)
+            table["noise"] = f"{found['noise'] / sensitivity:.4g} N"
+        if creep > 0:
+            table["creep"] = creep
         return table
 
     def write_files(
@@ -284,6 +294,7 @@ def calibrate(
         polynomial=_fit_polynomial(fit, mean),
         hold_out=score_hold_out(fit, full_scale or float(observations.counts.max())),
         notes=(*describe_fit(fit), *([left_out_error] * (method.gain_error > 0)), about_cover),
+        reference_age=fit.curve.reference_age,
     )
 
 

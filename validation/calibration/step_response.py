@@ -41,6 +41,8 @@ _LATEST = 0.2
 _PRESSED = 0.3
 #: Smallest number of frames before and after the step [-].
 _FEWEST = 5
+#: Residual over the noise at rest above which no filter describes a step [-], and least noise, of rounding [counts].
+_WORSE, _ROUNDED = 2.0, 1.0
 #: Change of the sum over its noise below which there is no step [-].
 _STEP = 10.0
 
@@ -99,7 +101,7 @@ def respond(order: int, phase: FloatArray) -> FloatArray:
 def sum_pressed(array: RecordedArray, times: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
     """Sum the counts of the texels that the step changes most, without frames in which one of them reads zero.
 
-    A reading of zero hides what lies below the threshold of the firmware, so that it is no point of the step response.
+    A reading of zero may hide what lies below a threshold, so that it is no point of the step response.
 
     Args:
         array: The array with its counts in k frames.
@@ -107,18 +109,26 @@ def sum_pressed(array: RecordedArray, times: FloatArray, at: float) -> tuple[Flo
         at: Instant of the step [s].
 
     Returns:
-        Instants of the kept frames [s] and their sums [-]; all frames if the counts are zero on one side of the step.
+        Instants of the kept frames [s] and their sums [-].
+
+    Raises:
+        InputError: If no texel measures, or one side of the step reads zero.
     """
     counts = array.counts[:, array.enabled & array.texels.active].astype(np.float64)
     near = np.abs(times - at) < _BEFORE
     after, before = near & (times > at), near & (times < at)
+    if not counts.size:
+        raise InputError("--step: every texel of the array is switched off")
     if not after.any() or not before.any():
         return times, counts.sum(axis=1)
     change = np.abs(np.median(counts[after], axis=0) - np.median(counts[before], axis=0))
     chosen = counts[:, change >= _PRESSED * change.max()]
     kept: BoolArray = np.asarray((chosen > 0).all(axis=1))
     if min((kept & after).sum(), (kept & before).sum()) < _FEWEST:
-        kept[:] = True
+        raise InputError(
+            "--step: the counts are zero on one side of the step, where a threshold hides the filter; step from a "
+            "preload to a load"
+        )
     return times[kept], chosen[kept].sum(axis=1)
 
 
@@ -131,7 +141,7 @@ def fit_step(times: FloatArray, sums: FloatArray, at: float) -> StepResponse:
         at: Instant of the step [s].
 
     Raises:
-        InputError: If the step lies outside the recording, or nothing changes there.
+        InputError: If the step lies outside the recording, nothing changes there, or no filter describes it.
     """
     from scipy.stats import f as fisher
     from scipy.stats import t as student
@@ -152,8 +162,14 @@ def fit_step(times: FloatArray, sums: FloatArray, at: float) -> StepResponse:
     best = min(fits, key=lambda fit: fit.squares)
     free = len(times) - _PARAMETERS
     bound = best.squares * (1 + float(fisher.ppf(_LEVEL, 1, free)) / free)
+    left = math.sqrt(best.squares / free)
+    if left > _WORSE * max(noise, _ROUNDED):
+        raise InputError(
+            f"--step: no filter describes the counts about {at:g} s (residual {left:.3g} counts, at rest {noise:.3g}); "
+            "name the exact instant, hold the load for 1 s, and stay below saturation"
+        )
     region = sorted((fit for fit in fits if fit.squares <= bound), key=lambda fit: fit.squares)
-    spread = float(student.ppf(0.5 + 0.5 * _LEVEL, free)) * math.sqrt(best.squares / free)
+    spread = float(student.ppf(0.5 + 0.5 * _LEVEL, free)) * left
     if spread * max(fit.width for fit in region) > _WIDE:
         cutoffs, delays = _list_accepted(times, sums, interval, bound)
     else:
@@ -171,7 +187,7 @@ def fit_step(times: FloatArray, sums: FloatArray, at: float) -> StepResponse:
             fitted_on=what,
         ),
         delay=Estimate(value=max(0.0, best.delay), low=min(delays), high=max(delays), unit="s", fitted_on=what),
-        noise=math.sqrt(best.squares / free),
+        noise=left,
         frames=len(times),
         reason=""
         if is_known

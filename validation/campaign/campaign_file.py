@@ -168,7 +168,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     if cases != asked:
         low, high = (edge(case.load for case in cases) for edge in (min, max))
         use = f"{use} Loads are lowered for this soft cover: {low:.2g} N to {high:.2g} N."
-    moving, faults = read_moving(tables.moving, places)
+    moving, faults = read_moving(tables.moving, places, scale=scale, deepest=tables.deepest)
     left_out = [f"{source}: {fault}" for fault in (*left_out, *faults)]
     if not cases:
         raise InputError(*left_out, f"{source}: no usable case is left; add one, or mend one of these")

@@ -185,7 +185,8 @@ def evaluate(
         announce(cost.describe(budget, len(plan.spare)))
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    bench = prepare_bench(derivation, listed, progress)
+    first = [case.divide(min(sensor.array.pitch))[0].cases[0] for case in plan.moving]
+    bench = prepare_bench(derivation, [*listed, *first], progress)
     step = progress.step if progress else None
     result = run_campaign(bench, listed, plan=cost, budget=budget, spare=len(plan.spare), progress=step)
     done = {each.case.name for each in result.cases} | {each.name for each in result.skipped}
@@ -198,7 +199,7 @@ def evaluate(
     if plan.moving and not result.interrupted:
         if progress:
             progress("moving cases")
-        moving, not_moved = run_moving(bench, plan.moving, step)
+        moving, not_moved = run_moving(bench, plan.moving, step, budget=budget)
     evidence = gather_evidence(bench, plan, result, progress, budget=budget)
     clock.append(time.perf_counter())
     return Evaluation(

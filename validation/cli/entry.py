@@ -233,7 +233,8 @@ def _say_next(words: Sequence[str]) -> None:
     """State in one line what to do after a command that succeeded; `words` are those after `softcover`."""
     command, first = words[0] if words else "", words[1] if len(words) > 1 else "-"
     if advice := _NEXT.get(command):
-        first = "sensor.toml" if first.startswith("-") and command == "init" else shlex.quote(first)
+        placeholder = "sensor.toml" if command == "init" else "SENSOR"
+        first = placeholder if first.startswith("-") else shlex.quote(first)
         say(f"next: {advice.format(first)}")
 
 

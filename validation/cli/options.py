@@ -6,7 +6,7 @@ The help of an option that only one command has is in `Args` of the docstring of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +18,6 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.recordings.recording import Recording
     from validation.sensor_file import SensorDescription
 
 SensorFile = Annotated[
@@ -136,18 +135,14 @@ def check_range(option: str, value: float | None, most: float = math.inf) -> Non
         raise InputError(f"{option}: accepted: {accepted}, not {value:g}")
 
 
-def choose_array(recording: Recording, index: int | None) -> int:
-    """Return the index of the array to show: the given one, or the array with the largest change of counts.
+def refuse_with(option: str, others: Mapping[str, object]) -> None:
+    """Refuse options that have no effect beside another one; those that are None or empty were not given.
 
     Raises:
-        InputError: If the recording has no array of the given index.
+        InputError: If one was given.
     """
-    from validation.recordings.recording import find_pressed_array
-
-    count = len(recording.arrays)
-    if index is not None and not 0 <= index < count:
-        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
-    return find_pressed_array(recording) if index is None else index
+    if given := [name for name, value in others.items() if value not in (None, "")]:
+        raise InputError(f"{', '.join(given)}: has no effect with {option}; leave it out")
 
 
 def read_time(text: str) -> float:

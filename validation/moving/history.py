@@ -30,8 +30,12 @@ _LOADS = 8
 _STEP = 0.25
 #: Smallest number of intervals between states along a motion [-].
 _FEWEST = 4
-#: Longest moving case [s], and the largest distance that it moves [m].
-_LONGEST, _FARTHEST = 100.0, 0.5
+#: Longest moving case with its repetitions [s], and the largest distance that it moves [m].
+_LONGEST, _FARTHEST = 20.0, 0.5
+
+
+#: Distance over which a motion counts as one change [m].
+_MILLIMETRE = 1e-3
 
 
 class Curve(NamedTuple):
@@ -92,17 +96,18 @@ class MovingCase:
 
     @property
     def fastest(self) -> float:
-        """Highest frequency that the history contains, 0.35 over its shortest change of the load [Hz]; 0 if constant.
+        """Highest frequency that the history contains, 0.35 over its shortest change [Hz]; 0 if constant.
 
-        The bandwidth of a ramp is 0.35 over its rise time, as for the response of a first-order system from 10 % to
-        90 %.
+        A change is one of the load, or a motion by a millimetre.  The bandwidth of a ramp is 0.35 over its rise time,
+        as for the response of a first-order system from 10 % to 90 %.
         """
-        ramps = [
-            after - before
-            for before, after, low, high in zip(self.times, self.times[1:], self.loads, self.loads[1:], strict=False)
-            if low != high
-        ]
-        return 0.35 / min(ramps) if ramps else 0.0
+        changes = []
+        for k, (before, after) in enumerate(itertools.pairwise(self.times)):
+            if self.loads[k] != self.loads[k + 1]:
+                changes.append(after - before)
+            if way := math.dist(self.poses[k].point, self.poses[k + 1].point):
+                changes.append((after - before) * min(1.0, _MILLIMETRE / way))
+        return 0.35 / min(changes) if changes else 0.0
 
     def divide(self, pitch: float) -> list[Curve]:
         """Divide the history into curves of static states; equal parts share a curve.
@@ -163,10 +168,11 @@ class MovingCase:
                 )
                 for k in range(count + 1)
             ]
-        cases = tuple(self._make_state(pose, float(f"{load:.6g}")) for _, pose, load in states)
+        cases = tuple(self.make_state(pose, float(f"{load:.6g}")) for _, pose, load in states)
         return Curve(np.array([position for position, *_ in states]), cases)
 
-    def _make_state(self, pose: Pose, load: float) -> Case:
+    def make_state(self, pose: Pose, load: float) -> Case:
+        """Return the static press under a load [N]."""
         name = f"{self.name}, {load:.3g} N"
         return Case(name=name, indenter=self.indenter, shape=self.shape, load=load, pose=pose)
 
@@ -207,12 +213,16 @@ def estimate_interpolation(curve: Curve, shares: FloatArray) -> float:
     return float(0.5 * np.abs(found - shares).sum(axis=1).max() / 8)
 
 
-def read_moving(listed: Sequence[Any], places: Places) -> tuple[list[MovingCase], list[str]]:
+def read_moving(
+    listed: Sequence[Any], places: Places, *, scale: float = 1.0, deepest: float | None = None
+) -> tuple[list[MovingCase], list[str]]:
     """Read the tables `[[moving]]` of a campaign file; return the cases and all faults.
 
     Args:
         listed: The tables, as the TOML parser returns them.
         places: Places on the cover.
+        scale: Factor on all loads [-].
+        deepest: Depth over thickness to which the loads of a case are lowered; None for no limit [-].
     """
     cases: list[MovingCase] = []
     faults: list[str] = []
@@ -226,8 +236,16 @@ def read_moving(listed: Sequence[Any], places: Places) -> tuple[list[MovingCase]
         if any(case.name == other.name for other in cases):
             faults.append(f"{place}.name: {case.name!r} is used already; every case needs its own")
         else:
-            cases.append(case)
+            cases.append(_limit_loads(case, places, scale, deepest))
     return cases, faults
+
+
+def _limit_loads(case: MovingCase, places: Places, scale: float, deepest: float | None) -> MovingCase:
+    """Scale the loads of a case, and lower them by one factor where they press deeper than a share of the cover."""
+    if deepest is not None:
+        most = replace(case.make_state(case.poses[0], max(case.loads)), load=scale * max(case.loads))
+        scale *= min(1.0, places.limit_load(most, deepest) / most.load)
+    return case if scale == 1 else replace(case, loads=tuple(float(f"{scale * load:.2g}") for load in case.loads))
 
 
 def _read_case(data: Mapping[str, Any], number: int, places: Places) -> MovingCase:

@@ -30,7 +30,7 @@ class MovingScore(Result):
         chain: What the model does in time, in words.
         error: Root mean square over time of the difference from the true texel forces, over that of the true ones [-].
         misplaced: Share of the force on wrong texels, both forces scaled to their own sum, so that a delay of the sum
-            does not count; mean over the instants with at least 5 % of the largest force [-].
+            does not count; mean over the instants at which both have at least 5 % of the largest true force [-].
         delay: Shift in time at which the frames are closest to the model's own forces without filter and frames [s];
             NaN for empty images.
         overshoot: Largest total force over the largest true one, minus 1 [-].
@@ -118,7 +118,7 @@ def measure_delay(given: FloatArray, found: FloatArray, step: float) -> float:
     if not np.ptp(found, axis=0).any():
         return float("nan")
     count = len(given)
-    shifts = np.arange(-round(_EARLIEST / step), min(round(_LATEST / step), count // 2) + 1)
+    shifts = np.arange(-min(round(_EARLIEST / step), count // 2), min(round(_LATEST / step), count // 2) + 1)
 
     def differ(shift: int) -> float:
         late, early = found[max(shift, 0) : count + min(shift, 0)], given[max(-shift, 0) : count - max(shift, 0)]

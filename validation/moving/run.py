@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fastmodel.signal.butterworth import LowPass
 from fem_reference import ConvergenceError
 from meshes.array_types import BoolArray, FloatArray
 from validation.campaign.case import Case
+from validation.campaign.plan import OutOfBudgetError, check_budget
+from validation.campaign.results import OUT_OF_BUDGET
 from validation.moving.history import Curve, MovingCase, Samples, estimate_interpolation, interpolate
 from validation.moving.results import (
     TRUTH,
@@ -21,11 +22,13 @@ from validation.moving.results import (
     measure_error,
     measure_misplaced,
 )
+from validation.published.in_time import butterworth
 from validation.published.rules import PUBLISHED
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.campaign.bench import Bench
+    from validation.campaign.plan import Budget
     from validation.campaign.results import CaseResult
 
 #: Samples per second of all signals before the frames, as many as MuJoCo takes with its usual step of 1 ms [Hz].
@@ -59,7 +62,7 @@ class _Chain(NamedTuple):
 
 
 def run_moving(
-    bench: Bench, cases: Sequence[MovingCase], progress: Progress | None = None
+    bench: Bench, cases: Sequence[MovingCase], progress: Progress | None = None, *, budget: Budget | None = None
 ) -> tuple[tuple[MovingResult, ...], tuple[str, ...]]:
     """Compute moving cases by the finite elements and all models, and score the models.
 
@@ -67,9 +70,10 @@ def run_moving(
         bench: Sensor with its models.
         cases: The moving cases.
         progress: Called before each static press with (number done, number of all, name of the case).
+        budget: Time that all cases may take; None for no limit.
 
     Returns:
-        The results; and a line for each case that a model cannot compute, with the reason.
+        The results; and a line for each case that a model cannot compute, or that was stopped, with the reason.
     """
     results, faults, done = [], [], 0
     pitch = min(bench.parameters.array.pitch)
@@ -82,12 +86,18 @@ def run_moving(
             if bench.comparison is not None:
                 bench.comparison.check_unseen(states)
             for state in states:
+                check_budget(budget)
                 if progress:
                     progress(done + len(solved), total, state.name)
                 solved[state] = bench.solve(state)
             results.append(score_moving(bench, case, curves, solved))
         except (ValueError, ConvergenceError) as error:
             faults.append(f"moving case {case.name!r}: {error}")
+        except OutOfBudgetError:
+            faults.append(f"moving case {case.name!r}: {OUT_OF_BUDGET}")
+        except KeyboardInterrupt:
+            faults.append(f"moving case {case.name!r} and those after it: interrupted")
+            break
         done += sum(len(curve.cases) for curve in curves)
     return tuple(results), tuple(faults)
 
@@ -133,8 +143,8 @@ def score_moving(
     warnings = []
     if case.fastest > _SLOW * resonance:
         warnings.append(
-            f"the load changes at up to {case.fastest:.3g} Hz, above a tenth of the cover's first shear resonance of "
-            f"{resonance:.3g} Hz: its inertia, which is neglected, counts"
+            f"load or place change at up to {case.fastest:.3g} Hz, above a tenth of the cover's first shear resonance "
+            f"of {resonance:.3g} Hz: its inertia, which is neglected, counts"
         )
     return MovingResult(
         name=case.name,
@@ -175,22 +185,6 @@ def hold(forces: FloatArray, frames_per_second: float) -> FloatArray:
     return np.asarray(forces[np.floor(frames * RATE + 1e-9).astype(int)])
 
 
-def filter_forces(parameters: Parameters, forces: FloatArray, step: float) -> FloatArray:
-    """Pass forces through the low-pass filter of a sensor, which begins in the steady state of the first sample.
-
-    Args:
-        parameters: Parameters of the sensor.
-        forces: Forces at equal intervals, shape (k, m) [N].
-        step: Time between two samples [s].
-    """
-    low_pass = LowPass(parameters.filter, 1 / step)
-    states, out = low_pass.settle(forces[0]), np.empty_like(forces)
-    for k, values in enumerate(forces):
-        states = low_pass.step(states, values)
-        out[k] = states[-1]
-    return out
-
-
 def find_latency(parameters: Parameters, true: FloatArray, passed: FloatArray) -> float:
     """Find the time from first touch to the first sample with a count above zero, before it waits for a frame [s].
 
@@ -204,7 +198,7 @@ def find_latency(parameters: Parameters, true: FloatArray, passed: FloatArray) -
     """
     counts = parameters.electronics.counts(np.clip(passed[:, :-1], 0, None))
     lit, touched = np.flatnonzero(np.asarray(counts).any(axis=1)), np.flatnonzero(true.sum(axis=1) > 0)
-    if touched[0] == 0 or not len(lit) or lit[0] == 0:
+    if not len(touched) or touched[0] == 0 or not len(lit) or lit[0] == 0:
         return float("nan")
     return float(lit[0] - (touched[0] - 1)) / RATE
 
@@ -241,12 +235,10 @@ def _list_chains(bench: Bench, models: Sequence[str]) -> list[_Chain]:
     frames = f"frames at {bench.parameters.electronics.rate_hz:g} Hz"
     words = f"{f'order {design.order}, {design.cutoff_hz:g} Hz, ' if design else ''}{frames}"
 
-    def own(forces: FloatArray, step: float) -> FloatArray:
-        return filter_forces(bench.parameters, forces, step)
-
     def nothing(forces: FloatArray, step: float) -> FloatArray:  # noqa: ARG001 -- as the others
         return forces
 
+    own = butterworth(design.order, design.cutoff_hz) if design else nothing
     rows = [_Chain(model, model, words, own) for model in bench.models if model in models]
     rows += [_Chain(TRUTH, EXACT, words, own), _Chain(TRUTH, HELD, frames, nothing)]
     for each in bench.comparison.rows if bench.comparison else ():

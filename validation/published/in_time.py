@@ -67,7 +67,7 @@ def butterworth(order: int, cutoff_hz: float) -> Term:
 
         sections = Butterworth(order=order, cutoff_hz=cutoff_hz).sections(1 / step)
         start = sosfilt_zi(sections).reshape(len(sections), 2, *(1,) * (forces.ndim - 1)) * forces[0]
-        found, _ = sosfilt(sections, forces, axis=0, zi=start.transpose(0, *range(1, forces.ndim + 1)))
+        found, _ = sosfilt(sections, forces, axis=0, zi=start)
         return np.asarray(found)
 
     return apply

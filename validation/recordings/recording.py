@@ -25,6 +25,7 @@ from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
 from meshes import TexelArray
 from meshes.bounded_file import FileLimitError, open_regular
+from validation.errors import InputError
 
 FloatArray = npt.NDArray[np.float64]
 ClockArray = npt.NDArray[np.int64]
@@ -424,3 +425,15 @@ class Budget:
         self.spend(size=size + LIMITS.message)
         if not 0 <= min(times) <= max(times) <= LATEST:
             raise RecordingError(f"{self._path}: damaged: a message of {topic} has no possible time")
+
+
+def choose_array(recording: Recording, index: int | None) -> int:
+    """Return the index of an array: the given one, or the array with the largest change of counts.
+
+    Raises:
+        InputError: If the recording has no array of the given index.
+    """
+    count = len(recording.arrays)
+    if index is not None and not 0 <= index < count:
+        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
+    return find_pressed_array(recording) if index is None else index

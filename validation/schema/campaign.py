@@ -24,8 +24,10 @@ _MOST_LOADS = 100
 _MOST_CASES = 1000
 #: Largest accepted number of moving cases, and of instants of one of them [-].
 _MOST_MOVING, _MOST_INSTANTS = 50, 10_000
+#: Shortest part of a history, the interval of its samples, less rounding [s].
+_SHORTEST_PART = 1e-3 - 1e-9
 #: Longest history of a moving case [s], and its largest load [N].
-_LONGEST_HISTORY, _LARGEST_LOAD = 3600.0, 1e6
+_LONGEST_HISTORY, _LARGEST_LOAD = 20.0, 1e6
 #: Keys for the load of a case in a campaign file, of which exactly one must be given.
 _LOADS = ("load", "loads", "path")
 
@@ -232,8 +234,11 @@ class MovingTable(Table):
         if self.time[0] != 0:
             yield "time[0]", "the history must begin at 0 s"
         for k, (before, after) in enumerate(itertools.pairwise(self.time), 1):
-            if after <= before:
-                yield f"time[{k}]", f"{after:g} s must come after {before:g} s; a step takes a short time, such as 1 ms"
+            if after - before < _SHORTEST_PART:
+                yield (
+                    f"time[{k}]",
+                    f"{after:g} s must come at least 1 ms, one sample, after {before:g} s",
+                )
         if not max(self.load) > 0:
             yield "load", "all loads are zero, so that nothing presses"
 

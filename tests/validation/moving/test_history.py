@@ -1,11 +1,13 @@
 """Histories of moving cases: their samples, their static states and their faults."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from meshes import Pose, Sphere
+from tests.support.rubber import stack_layers
 from validation.campaign.campaign_file import parse_campaign, read_campaign
 from validation.moving.history import MovingCase, interpolate
 from validation.places import FlatPlaces
@@ -73,7 +75,8 @@ def test_the_interpolation_is_exact_for_cubics_and_constant_below_the_first_stat
     ("changes", "words"),
     [
         ({"time": ["0.1 s", "0.2 s"]}, "moving[0].time[0]: the history must begin at 0 s"),
-        ({"time": ["0 s", "0 s"]}, "must come after 0 s"),
+        ({"time": ["0 s", "0 s"]}, "must come at least 1 ms, one sample, after 0 s"),
+        ({"time": ["0 s", "0.5 ms"]}, "at least 1 ms"),
         ({"time": ["0 s", "-1 s"]}, "moving[0].time[1]"),
         ({"time": ["0 s"]}, "moving[0].time"),
         ({"time": ["0 s", "0.1 s", "0.2 s"]}, "moving[0].load: 2 values for 3 instants"),
@@ -85,7 +88,8 @@ def test_the_interpolation_is_exact_for_cubics_and_constant_below_the_first_stat
         ({"at": ["0mm,0mm", "2m,0mm"]}, "at most 0.5 m"),
         ({"repeat": 3}, "moving[0].repeat: the history must end with the load"),
         ({"load": "2 N", "repeat": 1001}, "moving[0].repeat"),
-        ({"time": ["0 s", "50 s"], "load": "1 N", "repeat": 3}, "at most 100 s"),
+        ({"time": ["0 s", "15 s"], "load": "1 N", "repeat": 3}, "at most 20 s"),
+        ({"time": ["0 s", "30 s"]}, "moving[0].time[1]"),
         ({"indenter": "ball:radius=5mn"}, "moving[0].indenter"),
         ({"speed": "1 mm/s"}, "moving[0].speed: unknown key"),
         ({"yaw": "45"}, "yaw"),
@@ -96,6 +100,16 @@ def test_a_fault_is_one_line_with_its_place_and_costs_its_case(changes, words):
     assert [case.name for case in cases] == ["other"]
     assert len(faults) == 1
     assert words in faults[0]
+
+
+def test_loads_are_lowered_as_those_of_other_cases():
+    soft = stack_layers((2e-3, 1e5, 0.49))
+    places = dataclasses.replace(PLACES, cover=soft)
+    (case,) = parse_campaign({"moving": [TAP | {"load": ["0 N", "5 N"]}], "deepest": "10 %"}, places, source="x").moving
+    table = {"name": "x", "indenter": TAP["indenter"], "load": "5 N"}
+    (static,) = parse_campaign({"case": [table], "deepest": "10 %"}, places, source="x").cases
+    assert 0 < static.load < 2
+    assert case.loads == pytest.approx((0.0, static.load))
 
 
 def test_two_cases_of_one_name_are_refused():

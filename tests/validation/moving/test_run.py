@@ -10,10 +10,11 @@ import fastmodel
 from fastmodel import Butterworth
 from meshes import Pose, Sphere
 from validation.campaign.bench import LayeredBench
+from validation.campaign.plan import Budget
 from validation.campaign.results import CaseResult, Reference, predict
 from validation.moving.history import MovingCase
 from validation.moving.results import measure_delay, measure_misplaced
-from validation.moving.run import RATE, filter_forces, find_resonance, hold, run_moving, score_moving
+from validation.moving.run import RATE, find_resonance, hold, run_moving, score_moving
 from validation.sensor_file import BUILT_IN
 
 SENSOR = BUILT_IN["wts-0614-34"]
@@ -119,15 +120,6 @@ def test_latency_is_the_time_to_the_threshold_and_half_a_frame():
     assert np.isnan(rows["zeros"].latency)
 
 
-@pytest.mark.parametrize("order", range(1, 9))
-def test_the_filter_of_a_sensor_equals_scipy(order):
-    forces = np.random.default_rng(order).normal(size=(400, 5))
-    parameters = dataclasses.replace(PARAMETERS, filter=Butterworth(cutoff_hz=35.0, order=order))
-    held = np.concatenate([np.repeat(forces[:1], 2000, axis=0), forces])
-    exact = sosfilt(butter(order, 35.0, fs=500.0, output="sos"), held, axis=0)[2000:]
-    assert filter_forces(parameters, forces, 1 / 500.0) == pytest.approx(exact, abs=1e-12)
-
-
 @pytest.mark.parametrize("late", [-4.2e-3, 0.0, 7.3e-3, 120e-3])
 def test_the_delay_of_a_shifted_signal_is_found_between_samples(late):
     times = np.arange(3000) / RATE
@@ -161,6 +153,40 @@ def test_fast_changes_of_the_load_are_warned_of():
     found = score(make((0.0, 1e-3, 0.1), (0.0, 2.0, 2.0), [(0.0, 0.0)] * 3))
     assert "inertia" in found.warnings[0]
     assert not score(make((0.0, 0.1), (0.0, 2.0), [(0.0, 0.0)] * 2)).warnings
+
+
+def test_a_short_pulse_is_scored():
+    """Ten samples and less: no shift is longer than the history."""
+    found = score(make((0.0, 0.002, 0.006), (0.0, 2.0, 0.0), [(0.0, 0.0)] * 3))
+    assert len(found.times) == 7
+    assert np.isfinite(found.scores[0].error)
+
+
+def test_a_fast_slide_is_warned_of():
+    """16 mm in 1 ms: a millimetre takes 1 / 16 ms."""
+    found = score(make((0.0, 1e-3, 0.05), (2.0, 2.0, 2.0), [(0.0, 0.0), (16e-3, 0.0), (16e-3, 0.0)]))
+    assert found.fastest == pytest.approx(0.35 * 16e3)
+    assert "inertia" in found.warnings[0]
+
+
+def test_an_interrupted_or_expensive_run_keeps_what_is_finished(monkeypatch):
+    cases = [make((0.0, 0.1), (2.0, 2.0), [(0.0, 0.0)] * 2)] * 2
+    calls = []
+
+    def solve_once(_bench, state):
+        calls.append(state)
+        if len(calls) > 1:
+            raise KeyboardInterrupt
+        return solve(state)
+
+    monkeypatch.setattr(LayeredBench, "solve", solve_once)
+    found, faults = run_moving(BENCH, cases)
+    assert len(found) == 1
+    assert "interrupted" in faults[0]
+    found, faults = run_moving(BENCH, cases, budget=Budget(seconds=-1.0))
+    assert not found
+    assert len(faults) == 2
+    assert all("budget" in line for line in faults)
 
 
 @pytest.mark.slow

@@ -78,6 +78,15 @@ def calibrate(
 
     description, span = options.read_description(sensor), options.read_time_span("--window", window, "6s:9s")
     if step is not None:
+        others = {
+            "--out": out,
+            "--picture": picture,
+            "--tip": tip,
+            "--texel": texel,
+            "--indenter": indenter,
+            "--at": at,
+        }
+        options.refuse_with("--step", others)
         response = api.fit_filter(recordings, description, step, array=array)
         output.print_json(response.as_json()) if json else _show_step(response)
         return
@@ -141,7 +150,7 @@ def _show_step(found: StepResponse) -> None:
     output.show(
         f"cut-off {found.cutoff.value:.4g} Hz (95 % interval {found.cutoff.low:.4g} to {found.cutoff.high:.4g} Hz)"
     )
-    output.show(f'for the sensor file: [filter] cutoff = "{found.cutoff.value:.4g} Hz", order = {found.orders[0]}')
+    output.show(f'for the sensor file:\n\n[filter]\ncutoff = "{found.cutoff.value:.4g} Hz"\norder = {found.orders[0]}')
 
 
 def _show_point(found: PointLoadCalibration) -> None:

@@ -144,9 +144,11 @@ def _find_shown(show: str, array: int | None, indenter: str | None, load: str | 
         from validation.recordings.importing import open_recording
 
         recording = open_recording(path)
+        from validation.recordings.recording import choose_array
+
         if not len(recording.times):
             raise InputError(f"--show: {path} holds no frames to show")
-        recorded = recording.arrays[options.choose_array(recording, array)]
+        recorded = recording.arrays[choose_array(recording, array)]
         texels, full_scale, active = recorded.texels, recorded.full_scale, recorded.texels.active & recorded.enabled
         source = show_recording(recording.times, recorded.counts)
     if full_scale > LARGEST_COUNT:

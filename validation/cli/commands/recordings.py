@@ -50,9 +50,11 @@ def replay(
     from validation.recordings import tables
 
     options.check_range("--speed", speed)
+    from validation.recordings.recording import choose_array
+
     refuse_existing("--csv", csv)
     recording = api.replay(file, topic=topic, rows=rows, columns=columns)
-    shown = options.choose_array(recording, array)
+    shown = choose_array(recording, array)
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
         tables.write(recording, csv, array=shown)
