@@ -41,8 +41,10 @@ _LATEST = 0.2
 _PRESSED = 0.3
 #: Smallest number of frames before and after the step [-].
 _FEWEST = 5
+#: Time before the named instant at which the step may have been [s].
+_UNCERTAIN = 0.1
 #: Residual over the noise at rest above which no filter describes a step [-], and least noise, of rounding [counts].
-_WORSE, _ROUNDED = 2.0, 1.0
+_WORSE, _ROUNDED = 3.0, 1.0
 #: Change of the sum over its noise below which there is no step [-].
 _STEP = 10.0
 
@@ -154,7 +156,9 @@ def fit_step(times: FloatArray, sums: FloatArray, at: float) -> StepResponse:
         raise InputError(f"--step: fewer than {_FEWEST} frames before or after {at:g} s; name the instant of the step")
     rest = sums[times < 0]
     soon = (times > 0) & (times < 2 * _LATEST)
-    change, noise = abs(float(np.median(sums[soon]) - np.median(rest))), float(rest.std())
+    # The noise is that well before the named instant, because a step a little before it must not pass for noise.
+    early = rest[times[times < 0] < -_UNCERTAIN]
+    change, noise = abs(float(np.median(sums[soon]) - np.median(rest))), float((early if len(early) else rest).std())
     if change == 0 or change < _STEP * noise / math.sqrt(len(rest)):
         raise InputError(f"--step: the counts do not change at {at:g} s")
     interval = float(np.median(np.diff(times)))

@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fastmodel
+from fastmodel import ChainFunctions, Electronics
 from meshes import Box, Sphere, TexelArray
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
 from validation.calibration.calibrate import Calibration, calibrate, fit_characteristic, score_hold_out, write_sensor
 from validation.calibration.forward_fit import Options, lay_out
 from validation.calibration.model import Observations, Placement, Pose, join_observations
+from validation.calibration.uncertainty import Estimate
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.sensor_file import load as load_sensor
@@ -313,3 +316,31 @@ def test_what_cannot_be_written_is_refused(tmp_path, known, text, options, fault
     with pytest.raises(InputError, match=fault):
         write_sensor(known[1], source, target, **options)
     assert not target.exists()
+
+
+def test_a_calibrated_sensor_reads_the_fitted_line_at_the_age_of_the_images():
+    """A line at 7.5 s and 12 % of creep in a factor e of time: held to 7.5 s, the written line is that line again."""
+    estimates = {
+        name: Estimate(value=value, low=value, high=value, unit="", fitted_on="")
+        for name, value in (("sensitivity", 900.0), ("offset", -20.0), ("creep", 0.12))
+    }
+    made = Calibration(
+        confidence=0.95, method="cover", threshold=0.0, estimates=estimates, gains=np.ones(84),
+        gain_half_widths=np.zeros(84), texels=np.arange(84), poses={}, residual_rms_counts=1.0,
+        polynomial=np.array([-20.0, 900.0, -40.0, 3.0, 0.0, 0.0]), hold_out=None, notes=(), reference_age=7.5,
+    )  # fmt: skip
+    for polynomial in (False, True):
+        table = made.electronics(polynomial=polynomial)
+        line = {"offset": table.get("offset", 0.0), "sensitivity": 1.0}
+        if polynomial:
+            line["characteristic"] = tuple(table["characteristic"])
+        else:
+            line["sensitivity"] = float(table["sensitivity"].removesuffix(" 1/N"))
+        electronics = Electronics(rate_hz=100.0, creep=table["creep"], **line)
+        functions = ChainFunctions(replace(fastmodel.load("wts-0614-34"), electronics=electronics), 1000.0)
+        forces = np.full(84, 0.5)
+        state = functions.take(functions.settle(np.zeros(84)), forces)
+        _, output = functions.frame(state, frames=750)
+        felt = output.texel_forces
+        exact = np.polyval([3.0, -40.0, 900.0, -20.0], felt) if polynomial else 900 * felt - 20
+        assert output.counts == pytest.approx(exact, rel=2e-3, abs=1)

@@ -1,14 +1,18 @@
 """The filter from a step of the load: its step response, coverage of the intervals, and refusals."""
 
+import dataclasses
 import json
+import tomllib
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, step
 
 from fastmodel.signal.creep import Creep
-from validation.calibration.step_response import fit_step, respond
+from meshes import TexelArray
+from validation.calibration.step_response import fit_step, respond, sum_pressed
 from validation.errors import InputError
+from validation.recordings.recording import RecordedArray
 
 
 def record(order, cutoff, rate, seed, *, noise=10.0, delay=0.004, creep=0.1):
@@ -64,6 +68,34 @@ def test_intervals_cover_over_orders_and_cutoffs(rate, least):
 
 
 @pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda times, sums, at: np.where(times > at + 0.5, 500, sums),
+        lambda _times, sums, _at: np.roll(sums, -14),
+        lambda times, sums, at: np.where((times > at + 0.1) & (times < at + 0.3), sums + 300, sums),
+    ],
+    ids=["lifted after half a second", "50 ms late", "a second touch"],
+)
+def test_counts_that_no_filter_describes_are_refused(spoil):
+    times, sums, at = record(2, 12.0, 271.0, 1)
+    with pytest.raises(InputError, match=r"no filter describes|do not change"):
+        fit_step(times, spoil(times, sums, at), at)
+
+
+def test_counts_of_zero_before_the_step_are_refused():
+    counts = np.array([[0, 0]] * 20 + [[50, 30]] * 40)
+    texels = TexelArray.grid(1, 2, pitch=3e-3)
+    array = RecordedArray(
+        texels=texels, enabled=np.ones(2, dtype=bool), counts=counts.astype(np.int32), full_scale=4095
+    )
+    with pytest.raises(InputError, match="preload"):
+        sum_pressed(array, np.arange(60) / 100, 0.2)
+    times, sums = sum_pressed(dataclasses.replace(array, counts=array.counts + 7), np.arange(60) / 100, 0.2)
+    assert len(times) == 60
+    assert sums[[0, -1]].tolist() == [14, 94]
+
+
+@pytest.mark.parametrize(
     ("at", "words"),
     [(5.0, "outside the recording"), (-1.0, "outside"), (0.01, "fewer than 5 frames before"), (0.5, "do not change")],
 )
@@ -88,7 +120,11 @@ def test_the_command_prints_the_filter_of_a_recording(softcover, tmp_path):
     assert status == 0
     assert json.loads(out)["cutoff"]["value"] == pytest.approx(12.0, rel=0.05)
     status, out, _ = softcover(*arguments, f"{at:.5f}s")
-    assert '[filter] cutoff = "1' in out
+    written = tomllib.loads(out[out.index("[filter]") :])["filter"]
+    assert written == {"cutoff": "11.69 Hz", "order": 2}
+    status, _, err = softcover(*arguments, "1s", "--out", "new.toml")
+    assert status == 2
+    assert "--out: has no effect with --step" in err
     status, _, err = softcover(*arguments, "7s")
     assert status == 2
     assert "outside the recording" in err

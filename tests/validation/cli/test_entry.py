@@ -21,6 +21,9 @@ SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--fric
     "--reconnect",
     "--force-delay",
     "--tip",
+    "--budget",
+    "--older-than",
+    "--step",
 }
 
 

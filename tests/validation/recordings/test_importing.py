@@ -149,7 +149,7 @@ def test_options_and_keys_without_a_meaning_are_refused_and_not_ignored(tmp_path
     ("words", "message"),
     [
         (["--force-delay", "0.5"], "--force-delay: is for the force sensor's recording"),
-        (["--force", "a.csv", "--force-delay", "nan"], "--force-delay: 'nan' is not a finite number"),
+        (["--force", "a.csv", "--force-delay", "nan"], "--force-delay: 'nan' is not a finite time"),
         (["--out", "b.csv"], "--out: b.csv does not end in .mcap, so it could not be read again; write b.mcap"),
     ],
 )

@@ -73,7 +73,7 @@ def refuse(path, message, **options):
         ("time," + ",".join(f"t{k}" for k in range(10_001)) + "\n0" + ",1" * 10_001 + "\n", "10001 texels"),
         (f"{HEAD}time,a,b\n" + '"' * 100_000 + "\n", "columns; expected 3|not a number|expected numbers"),
         ("x" * 2**19, "characters accepted in a line"),
-        ("\0", "expected the columns"),
+        ("\0", "1 columns between commas"),
     ],
     ids=lambda text: text[-30:],
 )

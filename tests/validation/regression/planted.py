@@ -99,8 +99,8 @@ def change_image(turn):
     def plant(monkeypatch, parameters):
         healthy = ChainFunctions.frame
 
-        def frame(self, state, noise=None):
-            state, output = healthy(self, state, noise)
+        def frame(self, state, noise=None, **options):
+            state, output = healthy(self, state, noise, **options)
             return state, output._replace(image=np.array(turn(output.image)))
 
         monkeypatch.setattr(ChainFunctions, "frame", frame)

@@ -49,8 +49,8 @@ def test_a_plot_in_the_page_takes_the_colour_of_its_text(wts_derivation):
 
 @pytest.mark.parametrize("sides", [False, True], ids=["wide", "free sides"])
 def test_a_picture_shows_the_plots_and_the_image_of_a_load_on_one_texel(wts_derivation, monkeypatch, tmp_path, sides):
-    saved = {}
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path, **_: saved.update({path.name: figure}))
+    saved = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: saved.append(figure))
     derivation = wts_derivation
     if sides:
         uniform = wts_derivation.texel_response_uniform.ravel()
@@ -58,7 +58,8 @@ def test_a_picture_shows_the_plots_and_the_image_of_a_load_on_one_texel(wts_deri
             wts_derivation, influence=SimpleNamespace(texel_response=lambda _array, load: uniform)
         )
     draw_derivation(derivation, tmp_path, "png")
-    *plots, image, colours = saved["psf.png"].axes
+    assert (tmp_path / "psf.png").exists()
+    *plots, image, colours = saved[0].axes
     assert len(plots) == (1 if sides else 2)
     (drawn,) = image.images
     np.testing.assert_allclose(drawn.get_array(), 100 * wts_derivation.texel_response_uniform)

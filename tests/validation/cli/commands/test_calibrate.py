@@ -58,16 +58,15 @@ def test_the_pose_is_fitted(softcover, recordings):
 
 def test_a_data_set_file_stands_for_its_recordings(softcover, recordings, tmp_path):
     paths, _ = recordings
-    (tmp_path / "set.toml").write_text(
+    data_set = paths[0].parent / "set.toml"
+    data_set.write_text(
         f"indenter = '{TOOL}'\nat = ['1 mm', '-2 mm']\n[[series]]\nname = 'weights'\nfiles = ['*.csv', '*.mcap']\n"
         f"use = 'fit'\n"
     )
-    text = f"path = '{paths[0].parent}'\n" + (tmp_path / "set.toml").read_text()
-    (tmp_path / "set.toml").write_text(text)
-    status, out, _ = softcover("calibrate", "set.toml", "--sensor", "wts-0614-34", "--json")
+    status, out, _ = softcover("calibrate", data_set, "--sensor", "wts-0614-34", "--json")
     assert status == 0
     assert set(json.loads(out)["poses"]) == {"weights"}
-    status, _, err = softcover("calibrate", "set.toml", paths[0], "--sensor", "wts-0614-34")
+    status, _, err = softcover("calibrate", data_set, paths[0], "--sensor", "wts-0614-34")
     assert status == 2
     assert "a data-set file stands alone" in err
 
