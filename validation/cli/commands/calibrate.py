@@ -78,17 +78,9 @@ def calibrate(
 
     description, span = options.read_description(sensor), options.read_time_span("--window", window, "6s:9s")
     if step is not None:
-        others = {
-            "--out": out,
-            "--picture": picture,
-            "--tip": tip,
-            "--texel": texel,
-            "--indenter": indenter,
-            "--at": at,
-        }
-        options.refuse_with("--step", others)
-        response = api.fit_filter(recordings, description, step, array=array)
-        output.print_json(response.as_json()) if json else _show_step(response)
+        others = {"--out": out, "--picture": picture, "--tip": tip, "--texel": texel, "--indenter": indenter}
+        options.refuse_with("--step", others | {"--at": at})
+        _show_step(api.fit_filter(recordings, description, step, array=array), json=json)
         return
     with output.Progress() as progress:
         found = api.calibrate(
@@ -136,8 +128,11 @@ def _show(found: Calibration, name: str) -> None:
         output.show(f"- {note}")
 
 
-def _show_step(found: StepResponse) -> None:
+def _show_step(found: StepResponse, *, json: bool) -> None:
     """Print the filter of a step, and what to write into a sensor file."""
+    if json:
+        output.print_json(found.as_json())
+        return
     orders = ", ".join(map(str, found.orders))
     output.show(f"{found.frames} frames; noise {found.noise:.3g} counts on the sum; orders not excluded: {orders}")
     low, high = (1e3 * each for each in (found.delay.low, found.delay.high))
