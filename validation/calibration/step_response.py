@@ -10,9 +10,11 @@ Regression Analysis, 1988, chapter 6).  If a jump lies below the bound too, only
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from fastmodel.signal.creep import Creep
 from meshes.array_types import BoolArray, FloatArray
@@ -20,6 +22,8 @@ from validation.calibration.uncertainty import Estimate
 from validation.errors import InputError
 from validation.recordings.recording import RecordedArray
 from validation.results import Result, result_model
+
+ComplexArray = npt.NDArray[np.complex128]
 
 #: Orders that are tried [-].
 _ORDERS = (1, 2, 3, 4)
@@ -81,6 +85,13 @@ class _Fit(NamedTuple):
     delay_width: float
 
 
+def _find_poles(order: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the poles of a Butterworth low-pass of angular cut-off 1, and the residues of its impulse response."""
+    poles = np.exp(1j * np.pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    # The transfer function is 1 / prod(s - p), whose gain at frequency zero is 1.
+    return poles, np.array([1 / np.prod(pole - np.delete(poles, k)) for k, pole in enumerate(poles)])
+
+
 def respond(order: int, phase: FloatArray) -> FloatArray:
     """Return the step response of an analogue Butterworth low-pass of unit gain [-].
 
@@ -88,16 +99,27 @@ def respond(order: int, phase: FloatArray) -> FloatArray:
         order: Number of poles [-].
         phase: Time after the step times the angular cut-off; before the step it is negative, any shape [-].
     """
-    angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
-    poles = np.exp(1j * angles)
-    after = np.clip(phase, 0, None)
-    response = np.ones_like(after, dtype=complex)
-    for k, pole in enumerate(poles):
-        others = np.delete(poles, k)
-        # The residue of 1 / prod(s - p) over s at p; the gain at frequency zero is 1, because prod(-p) is 1.
-        residue = 1 / (pole * np.prod(pole - others))
-        response = response + residue * np.exp(pole * after)
+    poles, residues = _find_poles(order)
+    after = np.clip(phase, 0, None)[..., None]
+    response = 1 + (residues / poles * np.exp(poles * after)).sum(axis=-1)
     return np.asarray(response.real * (phase > 0))
+
+
+def respond_to_creep(order: int, phase: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return the response of the same low-pass to the sum of 1 - exp(-r t), the creep of a step [-].
+
+    Args:
+        order: Number of poles [-].
+        phase: Time after the step times the angular cut-off, any shape [-].
+        rates: Rates r of the creep over the angular cut-off [-].
+    """
+    poles, residues = _find_poles(order)
+    after = np.clip(phase, 0, None)[..., None]
+    shares = residues[:, None] / (poles[:, None] + rates)  # of each pole and each rate
+    decaying = (shares.sum(axis=1) * np.exp(poles * after)).sum(axis=-1) - (
+        shares.sum(axis=0) * np.exp(-rates * after)
+    ).sum(axis=-1)
+    return np.asarray(len(rates) * respond(order, phase) - decaying.real * (phase > 0))
 
 
 def sum_pressed(array: RecordedArray, times: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
@@ -175,7 +197,8 @@ def fit_step(times: FloatArray, sums: FloatArray, at: float) -> StepResponse:
     region = sorted((fit for fit in fits if fit.squares <= bound), key=lambda fit: fit.squares)
     spread = float(student.ppf(0.5 + 0.5 * _LEVEL, free)) * left
     if spread * max(fit.width for fit in region) > _WIDE:
-        cutoffs, delays = _list_accepted(times, sums, interval, bound)
+        about = [fit.delay for fit in region]
+        cutoffs, delays = _list_accepted(times, sums, interval, bound, about)
     else:
         cutoffs = [fit.cutoff * math.exp(sign * spread * fit.width) for fit in region for sign in (-1, 1)]
         delays = [max(0.0, fit.delay + sign * spread * fit.delay_width) for fit in region for sign in (-1, 1)]
@@ -201,14 +224,16 @@ def fit_step(times: FloatArray, sums: FloatArray, at: float) -> StepResponse:
 
 
 def _list_accepted(
-    times: FloatArray, sums: FloatArray, interval: float, bound: float
+    times: FloatArray, sums: FloatArray, interval: float, bound: float, about: Sequence[float]
 ) -> tuple[list[float], list[float]]:
     """List cut-offs [Hz] and delays [s] of a grid whose sum of squares lies below the bound, for any order.
+
+    Delays of the grid lie within two frames of the fitted ones, `about`.
 
     The list ends with the next values of the grid on both sides, because the region may end between two values.
     """
     cutoffs = np.geomspace(_LOWEST, _HIGHEST / interval, _GRID)
-    delays = np.arange(0, _LATEST, interval / 8)
+    delays = np.arange(max(0.0, min(about) - 2 * interval), max(about) + 2 * interval, interval / 8)
     accepted = np.array(
         [
             [
@@ -248,9 +273,8 @@ def _fit_order(order: int, times: FloatArray, sums: FloatArray, interval: float)
 
 def _measure(order: int, cutoff: float, delay: float, times: FloatArray, sums: FloatArray) -> FloatArray:
     """Return the residuals of a filter, with the two levels and the creep that fit best, shape (k,) [-]."""
-    after = np.clip(times - delay, 0, None)[:, None]
-    steps = respond(order, 2 * np.pi * cutoff * (times - delay))
-    grown = -np.expm1(-after / Creep(0.1).times).sum(axis=1)
-    columns = np.stack([np.ones_like(times), steps, steps * grown], axis=1)
+    phase, angular = 2 * np.pi * cutoff * (times - delay), 2 * np.pi * cutoff
+    grown = respond_to_creep(order, phase, 1 / (angular * Creep(0.1).times))
+    columns = np.stack([np.ones_like(times), respond(order, phase), grown], axis=1)
     solution, *_ = np.linalg.lstsq(columns, sums, rcond=None)
     return np.asarray(sums - columns @ solution)
