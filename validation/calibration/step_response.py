@@ -9,6 +9,7 @@ Regression Analysis, 1988, chapter 6).  If a jump lies below the bound too, only
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.signal.creep import Creep
+from fastmodel.signal.creep import MOST_CREEP, Creep
 from meshes.array_types import BoolArray, FloatArray
 from validation.calibration.uncertainty import Estimate
 from validation.errors import InputError
@@ -39,6 +40,8 @@ _STARTS, _DELAYS, _TRIED = 15, (0.0, 2e-3, 5e-3, 0.01, 0.03), 2
 _WIDE, _GRID = 0.4, 60
 #: Number of fitted parameters: two levels, creep, cut-off and delay [-].
 _PARAMETERS = 5
+#: Rate of the decay of a step [-].
+_STEADY = np.zeros(1)
 #: Largest delay [s].
 _LATEST = 0.2
 #: Share of the largest change of a texel from which a texel is used [-].
@@ -85,41 +88,31 @@ class _Fit(NamedTuple):
     delay_width: float
 
 
+@functools.cache
 def _find_poles(order: int) -> tuple[ComplexArray, ComplexArray]:
     """Return the poles of a Butterworth low-pass of angular cut-off 1, and the residues of its impulse response."""
-    poles = np.exp(1j * np.pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    from scipy.signal import buttap
+
+    poles = np.asarray(buttap(order)[1])
     # The transfer function is 1 / prod(s - p), whose gain at frequency zero is 1.
     return poles, np.array([1 / np.prod(pole - np.delete(poles, k)) for k, pole in enumerate(poles)])
 
 
-def respond(order: int, phase: FloatArray) -> FloatArray:
-    """Return the step response of an analogue Butterworth low-pass of unit gain [-].
+def respond(order: int, phase: FloatArray, rates: FloatArray = _STEADY) -> FloatArray:
+    """Return the response of an analogue Butterworth low-pass of unit gain to a load that decays [-].
+
+    The load is the sum of exp(-r t) over the rates r; the default is a step.
 
     Args:
         order: Number of poles [-].
-        phase: Time after the step times the angular cut-off; before the step it is negative, any shape [-].
+        phase: Time after the step times the angular cut-off; before the step it is negative, shape (k,) [-].
+        rates: Rates of the decay over the angular cut-off, shape (m,) [-].
     """
     poles, residues = _find_poles(order)
-    after = np.clip(phase, 0, None)[..., None]
-    response = 1 + (residues / poles * np.exp(poles * after)).sum(axis=-1)
+    after = np.clip(phase, 0, None)[:, None]
+    shares = residues[:, None] / (poles[:, None] + rates)
+    response = np.exp(poles * after) @ shares.sum(axis=1) - np.exp(-rates * after) @ shares.sum(axis=0)
     return np.asarray(response.real * (phase > 0))
-
-
-def respond_to_creep(order: int, phase: FloatArray, rates: FloatArray) -> FloatArray:
-    """Return the response of the same low-pass to the sum of 1 - exp(-r t), the creep of a step [-].
-
-    Args:
-        order: Number of poles [-].
-        phase: Time after the step times the angular cut-off, any shape [-].
-        rates: Rates r of the creep over the angular cut-off [-].
-    """
-    poles, residues = _find_poles(order)
-    after = np.clip(phase, 0, None)[..., None]
-    shares = residues[:, None] / (poles[:, None] + rates)  # of each pole and each rate
-    decaying = (shares.sum(axis=1) * np.exp(poles * after)).sum(axis=-1) - (
-        shares.sum(axis=0) * np.exp(-rates * after)
-    ).sum(axis=-1)
-    return np.asarray(len(rates) * respond(order, phase) - decaying.real * (phase > 0))
 
 
 def sum_pressed(array: RecordedArray, times: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
@@ -228,9 +221,8 @@ def _list_accepted(
 ) -> tuple[list[float], list[float]]:
     """List cut-offs [Hz] and delays [s] of a grid whose sum of squares lies below the bound, for any order.
 
-    Delays of the grid lie within two frames of the fitted ones, `about`.
-
-    The list ends with the next values of the grid on both sides, because the region may end between two values.
+    Delays of the grid lie within two frames of the fitted ones, `about`.  The lists end with the next values of the
+    grid on both sides, because the region may end between two values.
     """
     cutoffs = np.geomspace(_LOWEST, _HIGHEST / interval, _GRID)
     delays = np.arange(max(0.0, min(about) - 2 * interval), max(about) + 2 * interval, interval / 8)
@@ -273,8 +265,10 @@ def _fit_order(order: int, times: FloatArray, sums: FloatArray, interval: float)
 
 def _measure(order: int, cutoff: float, delay: float, times: FloatArray, sums: FloatArray) -> FloatArray:
     """Return the residuals of a filter, with the two levels and the creep that fit best, shape (k,) [-]."""
-    phase, angular = 2 * np.pi * cutoff * (times - delay), 2 * np.pi * cutoff
-    grown = respond_to_creep(order, phase, 1 / (angular * Creep(0.1).times))
-    columns = np.stack([np.ones_like(times), respond(order, phase), grown], axis=1)
+    angular = 2 * np.pi * cutoff
+    phase = angular * (times - delay)
+    # A step that creeps is a step less its states of creep, which decay.
+    decay = respond(order, phase, 1 / (angular * Creep(MOST_CREEP).times))
+    columns = np.stack([np.ones_like(times), respond(order, phase), decay], axis=1)
     solution, *_ = np.linalg.lstsq(columns, sums, rcond=None)
     return np.asarray(sums - columns @ solution)

@@ -185,8 +185,8 @@ def evaluate(
         announce(cost.describe(budget, len(plan.spare)))
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    first = [case.divide(min(sensor.array.pitch))[0].cases[0] for case in plan.moving]
-    bench = prepare_bench(derivation, [*listed, *first], progress)
+    moved = [case.make_state(case.poses[0], max(case.loads)) for case in plan.moving]
+    bench = prepare_bench(derivation, [*listed, *moved], progress)
     step = progress.step if progress else None
     result = run_campaign(bench, listed, plan=cost, budget=budget, spare=len(plan.spare), progress=step)
     done = {each.case.name for each in result.cases} | {each.name for each in result.skipped}

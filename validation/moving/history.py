@@ -21,7 +21,7 @@ from validation.campaign.case import Case
 from validation.errors import InputError
 from validation.places import Places
 from validation.schema import parse
-from validation.schema.campaign import MovingTable
+from validation.schema.campaign import LONGEST_HISTORY, MovingTable
 
 #: Number of states along a change of the load [-].  Their loads are cubes, because the radius of a round contact on a
 #: thick cover grows with the cube root of the load.
@@ -30,10 +30,8 @@ _LOADS = 8
 _STEP = 0.25
 #: Smallest number of intervals between states along a motion [-].
 _FEWEST = 4
-#: Longest moving case with its repetitions [s], and the largest distance that it moves [m].
-_LONGEST, _FARTHEST = 20.0, 0.5
-
-
+#: Largest distance that a moving case moves [m].
+_FARTHEST = 0.5
 #: Distance over which a motion counts as one change [m].
 _MILLIMETRE = 1e-3
 
@@ -140,16 +138,8 @@ class MovingCase:
         ends = list(zip(self.poses, self.poses[1:], self.loads, self.loads[1:], strict=False))
         varied = {before for before, after, low, high in ends if before == after and low != high}
         for before, after, low, high in ends:
-            yield (
-                (before, after, 0.0, max(self.loads))
-                if before == after and before in varied
-                else (
-                    before,
-                    after,
-                    low,
-                    high,
-                )
-            )
+            is_ramp = before == after and before in varied
+            yield before, after, 0.0 if is_ramp else low, max(self.loads) if is_ramp else high
 
     def _place_states(self, before: Pose, after: Pose, low: float, high: float, pitch: float) -> Curve:
         """Place the states of one curve, see `_keys`."""
@@ -264,9 +254,9 @@ def _read_case(data: Mapping[str, Any], number: int, places: Places) -> MovingCa
         raise InputError(f"{place}.at: motions along a curved cover are not computed; give one place")
     if table.repeat > 1 and (loads[0] != loads[-1] or poses[0] != poses[-1]):
         raise InputError(f"{place}.repeat: the history must end with the load and the place with which it begins")
-    if table.repeat * table.time[-1] > _LONGEST:
+    if table.repeat * table.time[-1] > LONGEST_HISTORY:
         raise InputError(
-            f"{place}.time: {table.repeat * table.time[-1]:.4g} s with repetitions; at most {_LONGEST:g} s"
+            f"{place}.time: {table.repeat * table.time[-1]:.4g} s with repetitions; at most {LONGEST_HISTORY:g} s"
         )
     far = sum(math.dist(one.point, other.point) for one, other in itertools.pairwise(poses))
     if far > _FARTHEST:

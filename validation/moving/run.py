@@ -76,11 +76,9 @@ def run_moving(
         The results; and a line for each case that a model cannot compute, or that was stopped, with the reason.
     """
     results, faults, done = [], [], 0
-    pitch = min(bench.parameters.array.pitch)
-    total = sum(len(curve.cases) for case in cases for curve in case.divide(pitch))
-    for case in cases:
-        curves = case.divide(pitch)
-        states = list(dict.fromkeys(state for curve in curves for state in curve.cases))
+    divided = [case.divide(min(bench.parameters.array.pitch)) for case in cases]
+    listed = [list(dict.fromkeys(state for curve in curves for state in curve.cases)) for curves in divided]
+    for case, curves, states in zip(cases, divided, listed, strict=True):
         solved: dict[Case, CaseResult] = {}
         try:
             if bench.comparison is not None:
@@ -88,7 +86,7 @@ def run_moving(
             for state in states:
                 check_budget(budget)
                 if progress:
-                    progress(done + len(solved), total, state.name)
+                    progress(done + len(solved), sum(map(len, listed)), state.name)
                 solved[state] = bench.solve(state)
             results.append(score_moving(bench, case, curves, solved))
         except (ValueError, ConvergenceError) as error:
@@ -98,7 +96,7 @@ def run_moving(
         except KeyboardInterrupt:
             faults.append(f"moving case {case.name!r} and those after it: interrupted")
             break
-        done += sum(len(curve.cases) for curve in curves)
+        done += len(states)
     return tuple(results), tuple(faults)
 
 
@@ -116,8 +114,7 @@ def score_moving(
     samples, resonance = case.sample(RATE), find_resonance(bench)
     shares = [_collect_shares([solved[state] for state in curve.cases]) for curve in curves]
     series = {
-        model: np.clip(samples.loads, 0, None)[:, None]
-        * _interpolate(samples, curves, [each[model] for each in shares])
+        model: samples.loads[:, None] * _interpolate(samples, curves, [each[model] for each in shares])
         for model in shares[0]
     }
     true, rows = series[TRUTH], _list_chains(bench, [*shares[0]])
@@ -167,9 +164,8 @@ def find_resonance(bench: Bench) -> float:
 
     A stack of layers is taken as one layer with the mean shear compliance; the density is that of rubber.
     """
-    layers = bench.cover.layers
-    thickness = sum(layer.thickness for layer in layers)
-    compliance = sum(layer.thickness / layer.material.shear_modulus for layer in layers) / thickness
+    thickness = bench.cover.thickness
+    compliance = sum(layer.thickness / layer.material.shear_modulus for layer in bench.cover.layers) / thickness
     return float(math.sqrt(1 / (compliance * _DENSITY)) / (4 * thickness))
 
 

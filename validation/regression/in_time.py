@@ -14,10 +14,11 @@ from meshes.array_types import FloatArray
 from validation.calibration.step_response import fit_step, respond
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
-from validation.campaign.results import CaseResult, Reference, predict
+from validation.campaign.results import CaseResult
 from validation.moving.history import MovingCase
 from validation.moving.run import score_moving
 from validation.published.rules import PUBLISHED
+from validation.regression.made_up import make_case_result
 from validation.regression.reading import Readings, Subject, read
 from validation.sensor_file import BUILT_IN
 
@@ -72,13 +73,7 @@ def _score_made_up() -> Readings:
 
     def solve(state: Case) -> CaseResult:
         true, model = (spread(state, width) for width in _WIDTHS)
-        reference = Reference(
-            texel_forces=true, outside=state.load - float(true.sum()), total_force=state.load, depth=1e-4,
-            contact_area=1e-5, error_estimate={}, assumptions={}, warnings=(),
-        )  # fmt: skip
-        forces = {"fast": (model, state.load - float(model.sum()))}
-        made = predict(reference, forces, state.load, parameters)
-        return CaseResult(case=state, reference=reference, predictions=made, warnings=())
+        return make_case_result(state, true, model, parameters)
 
     places = [(0.0, 0.0)] * 4 + [(6e-3, 3e-3)] * 2
     case = MovingCase(

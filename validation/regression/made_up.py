@@ -19,6 +19,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import ndtr
 
+from fastmodel import Parameters
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.calibrate import calibrate
@@ -247,23 +248,34 @@ def _make_campaign(mean: Limits, *, each: Limits | None = None, left_out: tuple[
     )  # fmt: skip
 
 
+def make_case_result(case: Case, true: FloatArray, found: FloatArray, parameters: Parameters) -> CaseResult:
+    """Make the result of a case from given texel forces.
+
+    Args:
+        case: The indentation.
+        true: Texel forces of the reference, shape (n,) [N].
+        found: Texel forces of the fast model, shape (n,) [N].
+        parameters: Parameters of the fast model.
+    """
+    outside, missed = (case.load - float(each.sum()) for each in (true, found))
+    reference = Reference(
+        texel_forces=true, outside=outside, total_force=case.load, depth=1e-4, contact_area=1e-4, error_estimate={},
+        assumptions={}, warnings=(),
+    )  # fmt: skip
+    made = predict(reference, {"fast": (found, missed)}, case.load, parameters)
+    return CaseResult(case=case, reference=reference, predictions=made, warnings=())
+
+
 def _make_result(errors: Sequence[float]) -> CampaignResult:
     """Make the result of a campaign in which the fast model misplaces given shares of the load [-]."""
     parameters, load = make_oblong(), 3.0
     even = np.full(parameters.array.count, load / parameters.array.count)
-    reference = Reference(
-        texel_forces=even, total_force=load, depth=1e-4, contact_area=1e-4, error_estimate={}, assumptions={},
-        warnings=(),
-    )  # fmt: skip
     moved = np.zeros_like(even)
     moved[[7, 12]] = load, -load
     return CampaignResult(
         cases=tuple(
-            CaseResult(
-                case=Case.read(f"case {number}", "sphere:radius=5mm", f"{load} N"),
-                reference=reference,
-                predictions=predict(reference, {"fast": (even + error * moved, 0.0)}, load, parameters),
-                warnings=(),
+            make_case_result(
+                Case.read(f"case {number}", "sphere:radius=5mm", f"{load} N"), even, even + error * moved, parameters
             )
             for number, error in enumerate(errors)
         ),

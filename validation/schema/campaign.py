@@ -26,8 +26,8 @@ _MOST_CASES = 1000
 _MOST_MOVING, _MOST_INSTANTS = 50, 10_000
 #: Shortest part of a history, the interval of its samples, less rounding [s].
 _SHORTEST_PART = 1e-3 - 1e-9
-#: Longest history of a moving case [s], and its largest load [N].
-_LONGEST_HISTORY, _LARGEST_LOAD = 20.0, 1e6
+#: Longest history of a moving case, with its repetitions [s], and its largest load [N].
+LONGEST_HISTORY, _LARGEST_LOAD = 20.0, 1e6
 #: Keys for the load of a case in a campaign file, of which exactly one must be given.
 _LOADS = ("load", "loads", "path")
 
@@ -200,7 +200,7 @@ class CaseTable(Table):
                 yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"
 
 
-_Instant = Annotated[float, types.quantity("time", positive=False, most=_LONGEST_HISTORY)]
+_Instant = Annotated[float, types.quantity("time", positive=False, most=LONGEST_HISTORY)]
 _LoadOrNone = Annotated[float, types.quantity("force", positive=False, most=_LARGEST_LOAD)]
 
 

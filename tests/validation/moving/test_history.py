@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes import Pose, Sphere
+from tests.support.histories import make_case
 from tests.support.rubber import stack_layers
 from validation.campaign.campaign_file import parse_campaign, read_campaign
-from validation.moving.history import MovingCase, interpolate
+from validation.moving.history import interpolate
 from validation.places import FlatPlaces
 from validation.sensor_file import BUILT_IN
 
@@ -22,16 +22,8 @@ def read(*tables):
     return found.moving, found.left_out
 
 
-def make(times, loads, places, repeat=1):
-    poses = tuple(Pose.planar(at=at) for at in places)
-    return MovingCase(
-        name="case", indenter=Sphere(radius=5e-3), shape="sphere:radius=5mm", times=times, loads=loads, poses=poses,
-        repeat=repeat,
-    )  # fmt: skip
-
-
 def test_loads_are_linear_in_time_and_repeat():
-    case = make((0.0, 0.02, 0.05), (0.0, 3.0, 0.0), [(0.0, 0.0)] * 3, repeat=3)
+    case = make_case((0.0, 0.02, 0.05), (0.0, 3.0, 0.0), [(0.0, 0.0)] * 3, repeat=3)
     found = case.sample(1000.0)
     assert len(found.times) == 151
     within = found.times % 0.05
@@ -43,14 +35,14 @@ def test_loads_are_linear_in_time_and_repeat():
 
 
 def test_states_along_a_load_are_cubes_and_are_shared_by_all_ramps_at_a_place():
-    case = make((0.0, 1.0, 2.0, 3.0, 4.0), (0.0, 4.0, 4.0, 1.0, 4.0), [(1e-3, 0.0)] * 5)
+    case = make_case((0.0, 1.0, 2.0, 3.0, 4.0), (0.0, 4.0, 4.0, 1.0, 4.0), [(1e-3, 0.0)] * 5)
     (curve,) = case.divide(3.4e-3)
     assert [state.load for state in curve.cases] == pytest.approx([4 * (k / 8) ** 3 for k in range(1, 9)], rel=1e-5)
     assert {state.pose.at for state in curve.cases} == {(1e-3, 0.0)}
 
 
 def test_states_along_a_motion_stand_within_a_quarter_of_the_pitch():
-    case = make((0.0, 1.0, 2.0), (2.0, 2.0, 1.0), [(0.0, 0.0), (0.0, 0.0), (6e-3, 8e-3)])
+    case = make_case((0.0, 1.0, 2.0), (2.0, 2.0, 1.0), [(0.0, 0.0), (0.0, 0.0), (6e-3, 8e-3)])
     hold, slide = case.divide(2e-3)
     assert len(hold.cases) == 1
     assert hold.cases[0] in slide.cases
@@ -63,7 +55,7 @@ def test_states_along_a_motion_stand_within_a_quarter_of_the_pitch():
 
 
 def test_the_interpolation_is_exact_for_cubics_and_constant_below_the_first_state():
-    (curve,) = make((0.0, 1.0), (0.0, 8.0), [(0.0, 0.0)] * 2).divide(3e-3)
+    (curve,) = make_case((0.0, 1.0), (0.0, 8.0), [(0.0, 0.0)] * 2).divide(3e-3)
     shares = np.stack([curve.positions**3, 1 - curve.positions**2], axis=1)
     places = np.array([0.0, 0.3, 0.77, 1.0])
     found = interpolate(curve, shares, places)

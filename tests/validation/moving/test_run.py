@@ -8,13 +8,13 @@ from scipy.signal import butter, sosfilt
 
 import fastmodel
 from fastmodel import Butterworth
-from meshes import Pose, Sphere
+from tests.support.histories import make_case
 from validation.campaign.bench import LayeredBench
 from validation.campaign.plan import Budget
-from validation.campaign.results import CaseResult, Reference, predict
-from validation.moving.history import MovingCase
+from validation.campaign.results import predict
 from validation.moving.results import measure_delay, measure_misplaced
 from validation.moving.run import RATE, find_resonance, hold, run_moving, score_moving
+from validation.regression.made_up import make_case_result
 from validation.sensor_file import BUILT_IN
 
 SENSOR = BUILT_IN["wts-0614-34"]
@@ -33,22 +33,9 @@ def spread(load, at, sigma):
 def solve(state, factor=1.1):
     """A state whose model spreads 1.1 times as wide as the truth."""
     true, model = (spread(state.load, state.pose.at, sigma) for sigma in (4e-3, factor * 4e-3))
-    reference = Reference(
-        texel_forces=true, outside=state.load - true.sum(), total_force=state.load, depth=1e-4, contact_area=1e-5,
-        error_estimate={}, assumptions={}, warnings=(),
-    )  # fmt: skip
-    forces = {"fast": (model, state.load - model.sum()), "zeros": (0 * model, 0.0)}
-    return CaseResult(
-        case=state, reference=reference, warnings=(), predictions=predict(reference, forces, state.load, PARAMETERS)
-    )
-
-
-def make(times, loads, places, repeat=1):
-    poses = tuple(Pose.planar(at=at) for at in places)
-    return MovingCase(
-        name="case", indenter=Sphere(radius=5e-3), shape="sphere:radius=5mm", times=times, loads=loads, poses=poses,
-        repeat=repeat,
-    )  # fmt: skip
+    found = make_case_result(state, true, model, PARAMETERS)
+    zeros = predict(found.reference, {"zeros": (0 * model, 0.0)}, state.load, PARAMETERS)
+    return dataclasses.replace(found, predictions={**found.predictions, **zeros})
 
 
 def score(case):
@@ -59,9 +46,9 @@ def score(case):
 @pytest.mark.parametrize(
     "case",
     [
-        make((0.0, 0.05, 0.25, 0.4), (0.0, 0.0, 3.0, 1.0), [(1e-3, -2e-3)] * 4),
-        make((0.0, 0.1, 0.4), (2.0, 2.0, 2.0), [(-3e-3, 0.0), (-3e-3, 0.0), (5e-3, 7e-3)]),
-        make((0.0, 0.2, 0.4), (1.0, 3.0, 1.0), [(0.0, 0.0), (6e-3, 2e-3), (0.0, 0.0)], repeat=2),
+        make_case((0.0, 0.05, 0.25, 0.4), (0.0, 0.0, 3.0, 1.0), [(1e-3, -2e-3)] * 4),
+        make_case((0.0, 0.1, 0.4), (2.0, 2.0, 2.0), [(-3e-3, 0.0), (-3e-3, 0.0), (5e-3, 7e-3)]),
+        make_case((0.0, 0.2, 0.4), (1.0, 3.0, 1.0), [(0.0, 0.0), (6e-3, 2e-3), (0.0, 0.0)], repeat=2),
     ],
     ids=["load", "slide", "slide under a growing load"],
 )
@@ -86,7 +73,7 @@ def test_forces_between_the_states_and_scores_are_those_of_every_instant(case):
 
 def test_a_slow_ramp_comes_late_by_the_group_delay_of_filter_samples_and_frames():
     """sqrt(2) / (2 pi fc) of a second-order filter, half a frame, and half a sample of a frame's age."""
-    found = score(make((0.0, 3.0), (0.5, 3.0), [(0.0, 0.0)] * 2))
+    found = score(make_case((0.0, 3.0), (0.5, 3.0), [(0.0, 0.0)] * 2))
     rows = {each.model: each for each in found.scores}
     expected = np.sqrt(2) / (2 * np.pi * 20) + 0.5 / 271 + 0.5 / RATE
     assert rows["exact spread"].delay == pytest.approx(expected, abs=0.3e-3)
@@ -97,7 +84,7 @@ def test_a_slow_ramp_comes_late_by_the_group_delay_of_filter_samples_and_frames(
 
 
 def test_null_models_misplace_nothing_and_the_wide_spread_does():
-    found = score(make((0.0, 0.05, 1.0), (0.0, 0.0, 2.0), [(0.0, 0.0)] * 3))
+    found = score(make_case((0.0, 0.05, 1.0), (0.0, 0.0, 2.0), [(0.0, 0.0)] * 3))
     rows = {each.model: each for each in found.scores}
     assert rows["truth at each frame"].misplaced < 0.005
     one, other = (spread(1.0, (0.0, 0.0), sigma) for sigma in (4e-3, 4.4e-3))
@@ -108,7 +95,7 @@ def test_null_models_misplace_nothing_and_the_wide_spread_does():
 def test_latency_is_the_time_to_the_threshold_and_half_a_frame():
     """A ramp of 10 N/s; the largest texel passes the dead zone of the electronics at a force in closed form."""
     bench = dataclasses.replace(BENCH, parameters=dataclasses.replace(PARAMETERS, filter=None))
-    case = make((0.0, 0.1, 0.4), (0.0, 0.0, 3.0), [(0.0, 0.0)] * 3)
+    case = make_case((0.0, 0.1, 0.4), (0.0, 0.0, 3.0), [(0.0, 0.0)] * 3)
     curves = case.divide(PARAMETERS.array.pitch[0])
     found = score_moving(bench, case, curves, {state: solve(state) for curve in curves for state in curve.cases})
     loads = np.linspace(0, 3, 3001)[1:]
@@ -150,27 +137,27 @@ def test_the_resonance_is_that_of_a_shear_layer():
 
 
 def test_fast_changes_of_the_load_are_warned_of():
-    found = score(make((0.0, 1e-3, 0.1), (0.0, 2.0, 2.0), [(0.0, 0.0)] * 3))
+    found = score(make_case((0.0, 1e-3, 0.1), (0.0, 2.0, 2.0), [(0.0, 0.0)] * 3))
     assert "inertia" in found.warnings[0]
-    assert not score(make((0.0, 0.1), (0.0, 2.0), [(0.0, 0.0)] * 2)).warnings
+    assert not score(make_case((0.0, 0.1), (0.0, 2.0), [(0.0, 0.0)] * 2)).warnings
 
 
 def test_a_short_pulse_is_scored():
     """Ten samples and less: no shift is longer than the history."""
-    found = score(make((0.0, 0.002, 0.006), (0.0, 2.0, 0.0), [(0.0, 0.0)] * 3))
+    found = score(make_case((0.0, 0.002, 0.006), (0.0, 2.0, 0.0), [(0.0, 0.0)] * 3))
     assert len(found.times) == 7
     assert np.isfinite(found.scores[0].error)
 
 
 def test_a_fast_slide_is_warned_of():
     """16 mm in 1 ms: a millimetre takes 1 / 16 ms."""
-    found = score(make((0.0, 1e-3, 0.05), (2.0, 2.0, 2.0), [(0.0, 0.0), (16e-3, 0.0), (16e-3, 0.0)]))
+    found = score(make_case((0.0, 1e-3, 0.05), (2.0, 2.0, 2.0), [(0.0, 0.0), (16e-3, 0.0), (16e-3, 0.0)]))
     assert found.fastest == pytest.approx(0.35 * 16e3)
     assert "inertia" in found.warnings[0]
 
 
 def test_an_interrupted_or_expensive_run_keeps_what_is_finished(monkeypatch):
-    cases = [make((0.0, 0.1), (2.0, 2.0), [(0.0, 0.0)] * 2)] * 2
+    cases = [make_case((0.0, 0.1), (2.0, 2.0), [(0.0, 0.0)] * 2)] * 2
     calls = []
 
     def solve_once(_bench, state):
@@ -194,7 +181,7 @@ def test_finite_elements_between_the_states_agree_with_a_press_at_that_load():
     from fem_reference.indentation.press import press
 
     bench = LayeredBench(cover=SENSOR.cover, parameters=fastmodel.load("wts-0614-34"))
-    case = make((0.0, 0.4), (0.0, 2.0), [(0.7e-3, 1.1e-3)] * 2)
+    case = make_case((0.0, 0.4), (0.0, 2.0), [(0.7e-3, 1.1e-3)] * 2)
     (found,), faults = run_moving(bench, [case])
     assert not faults
     for instant in (100, 250, 333):

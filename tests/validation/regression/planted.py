@@ -4,11 +4,13 @@
 A plant takes pytest's `monkeypatch` and the healthy parameters, and returns the parameters to measure.
 """
 
+import contextlib
 import inspect
 import textwrap
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import fastmodel.bench
 import fastmodel.contact.boxes
@@ -24,9 +26,17 @@ from fastmodel.contact.plate import CellReader
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.solvers import FoundationSolver
 from fastmodel.sensor import Sensor
+from fastmodel.signal.creep import Creep
 from fem_reference.indentation import press
 from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
+from validation.campaign import evaluation
+from validation.moving import run
+from validation.published.in_time import recursion
+from validation.published.rules import PUBLISHED
 from validation.regression import experiments as fixed_images
+from validation.regression.baseline import make_baseline
+from validation.regression.quantities import EXPERIMENTS, measure
+from validation.regression.reading import Subject
 from validation.text import indenter
 
 #: Groups of quantities that need finite elements.
@@ -69,6 +79,30 @@ def change(**parts):
         return replace(parameters, **{part: replace(getattr(parameters, part), **each) for part, each in parts.items()})
 
     return plant
+
+
+def measure_groups(parameters, groups, derivation=None):
+    """The baseline of some groups of quantities, all of which can be measured."""
+    subject = Subject(parameters=parameters, derivation=derivation)
+    readings, failures = measure(
+        subject, groups={group: EXPERIMENTS[group] for group in groups}, progress=lambda _: None
+    )
+    assert not failures
+    return make_baseline("sensor", readings)
+
+
+@contextlib.contextmanager
+def take_every(step):
+    """Every n-th case of the default campaigns."""
+    whole = evaluation.read_plan
+
+    def read_plan(*arguments):
+        plan = whole(*arguments)
+        return replace(plan, cases=plan.cases[::step])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evaluation, "read_plan", read_plan)
+        yield
 
 
 def own_filter(**values):
@@ -176,6 +210,11 @@ def transposed_influence(monkeypatch, parameters):
     return parameters
 
 
+def slow_down(monkeypatch, parameters):
+    monkeypatch.setitem(PUBLISHED["tegin-2005"].terms, "y = 0.1 f + 0.9 y every 2.5 ms", recursion(0.1, 3e-3))
+    return parameters
+
+
 FLOAT = "measured = as_floats(xp, forces)"
 #: Plants that are asked for by name, with the group and words of the title of a quantity that must be red.
 REQUIRED = {
@@ -244,6 +283,18 @@ NEIGHBOURS = {
     "force on masked texels lost": (edit(fixed_images, "score", " + float(f_all[~array.active].sum())", ""), "metric: misplaced force"),
     "interval of pooled scores too narrow": (edit(validation.pooling, "pool", "(1 + level) / 2", "level"), "pooling: skill"),
     "skill against the own error": (edit(fixed_images, "skill", "e.mean() / c.mean()", "c.mean() / e.mean()"), "pooling: skill"),
+}  # fmt: skip
+
+
+#: Plants of what changes in time.
+IN_TIME = {
+    "creep 5 % too small": (edit(Creep, "step", "self.weight * xp", "0.95 * self.weight * xp"), "in time: creep of a held load"),
+    "a filter that is computed more rarely": (slow_down, "in time: step through published filters, after 6 and 20 ms"),
+    "misplaced force halved": (scale_result(run, "measure_misplaced", 0.5), "in time: scores of a moving case"),
+    "error by one percent of itself": (scale_result(run, "measure_error", 1.01), "in time: scores of a moving case"),
+    "latency 2 % longer": (scale_result(run, "find_latency", 1.02), "in time: delay and latency of a moving case"),
+    "frames that lose 0.5 % of force": (scale_result(run, "hold", 0.995), "in time: scores of a moving case"),
+    "loads interpolated 1 % too high": (scale_result(run, "interpolate", 1.01), "in time: force on the texels of a moving case"),
 }  # fmt: skip
 
 

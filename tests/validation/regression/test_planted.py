@@ -8,7 +8,17 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth
 from fem_reference import point_spread
-from tests.validation.regression.planted import FRICTION, NEIGHBOURS, REFERENCE, REQUIRED, WITH_ELEMENTS
+from tests.validation.regression.planted import (
+    FRICTION,
+    IN_TIME,
+    NEIGHBOURS,
+    REFERENCE,
+    REQUIRED,
+    WITH_ELEMENTS,
+    measure_groups,
+    take_every,
+)
+from validation.calibration import step_response
 from validation.campaign import evaluation
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
@@ -34,14 +44,7 @@ BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
 @pytest.fixture(scope="module", autouse=True)
 def few_cases():
     """Take every fourth case of the default campaign."""
-    whole = evaluation.read_plan
-
-    def read_plan(*arguments):
-        plan = whole(*arguments)
-        return replace(plan, cases=plan.cases[::4])
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evaluation, "read_plan", read_plan)
+    with take_every(4):
         yield
 
 
@@ -56,9 +59,7 @@ def measured(parameters, groups):
 
 @functools.cache
 def healthy(group):
-    readings, failures = measured(healthy_parameters(), [group])
-    assert not failures
-    return make_baseline("sensor", readings)
+    return measure_groups(healthy_parameters(), [group])
 
 
 def find_changes(parameters, *groups):
@@ -71,13 +72,20 @@ def find_changes(parameters, *groups):
     return changes
 
 
-@pytest.mark.parametrize("name", [*REQUIRED, *NEIGHBOURS])
+@pytest.mark.parametrize("name", [*REQUIRED, *NEIGHBOURS, *IN_TIME])
 def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
-    plant, title = (REQUIRED | NEIGHBOURS)[name]
+    plant, title = (REQUIRED | NEIGHBOURS | IN_TIME)[name]
     group = title.split(":")[0]
     healthy(group)
     parameters = plant(monkeypatch, healthy_parameters())
     assert title in find_changes(parameters, group)
+
+
+def test_a_step_response_that_is_too_fast_changes_the_fitted_filter_alone(monkeypatch):
+    healthy("in time")
+    whole = step_response.respond
+    monkeypatch.setattr(step_response, "respond", lambda order, phase, *rates: whole(order, 1.02 * phase, *rates))
+    assert set(find_changes(healthy_parameters(), "in time")) == {"in time: filter of a step"}
 
 
 @pytest.mark.parametrize("group", WITHOUT_ELEMENTS)
@@ -86,12 +94,7 @@ def test_unchanged_is_green(group):
 
 
 def measured_reference(derivation, groups):
-    subject = Subject(parameters=derivation.parameters, derivation=derivation)
-    readings, failures = measure(
-        subject, groups={group: EXPERIMENTS[group] for group in groups}, progress=lambda _: None
-    )
-    assert not failures
-    return make_baseline("sensor", readings)
+    return measure_groups(derivation.parameters, groups, derivation)
 
 
 @pytest.mark.parametrize("factor", [1.03, 0.97])

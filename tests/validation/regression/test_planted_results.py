@@ -11,21 +11,18 @@ import fem_reference
 import validation.calibration.calibrate as calibration
 from fastmodel import Electronics
 from fastmodel.adapters import rigid_models
-from tests.validation.regression.planted import edit
+from tests.validation.regression.planted import edit, measure_groups, take_every
 from validation import data_sheet, verdict
 from validation.calibration.calibrate import Calibration
 from validation.calibration.model import CountCurve
 from validation.calibration.uncertainty import Uncertainty
-from validation.campaign import evaluation
 from validation.campaign.results import Reference
 from validation.credibility import recorded
 from validation.data_sets import score
 from validation.derivation.derive import derive
 from validation.published.models import Row
 from validation.regression import quantities
-from validation.regression.baseline import compare, make_baseline
-from validation.regression.quantities import EXPERIMENTS, measure
-from validation.regression.reading import Subject
+from validation.regression.baseline import compare
 from validation.sensor_file import load
 
 pytestmark = pytest.mark.slow
@@ -152,14 +149,7 @@ PLANTS = {
 @pytest.fixture(scope="module", autouse=True)
 def few_cases():
     """Take every eighth case of the default campaigns."""
-    whole = evaluation.read_plan
-
-    def read_plan(*arguments):
-        plan = whole(*arguments)
-        return replace(plan, cases=plan.cases[::8])
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evaluation, "read_plan", read_plan)
+    with take_every(8):
         yield
 
 
@@ -169,10 +159,7 @@ def derived(kind):
 
 
 def measured(kind, group, parameters):
-    subject = Subject(parameters=parameters, derivation=derived(kind))
-    readings, failures = measure(subject, groups={group: EXPERIMENTS[group]}, progress=lambda _: None)
-    assert not failures
-    return make_baseline("sensor", readings)
+    return measure_groups(parameters, [group], derived(kind))
 
 
 @functools.cache
