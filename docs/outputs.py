@@ -34,6 +34,7 @@ QUICK = (
     "softcover materials dragon-skin-30",
     "softcover materials --hardness 30",
     "softcover datasheet wts-0614-34",
+    "softcover datasheet wts-0614-34 --compare sdh2-proximal takkstrip",
     "softcover export wts-0614-34 --format urdf --mass 20g --out urdf",
     "softcover export wts-0614-34 --out parameters",
     "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --model fast",

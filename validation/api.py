@@ -445,7 +445,7 @@ def calibrate(
     check_writable(*(Path(path) for path in (out, picture) if path is not None))
     for option, path in (("--out", out), ("--picture", picture)):
         refuse_existing(option, None if path is None else Path(path))
-    if out is not None and description is BUILT_IN.get(description.name):
+    if out is not None and description.source.startswith("built-in"):
         raise InputError(f"--out: {description.name} is built in and has no file to copy; see `softcover init`")
     keys = CommonKeys.model_construct(
         indenter=indenter or (f"tip:radius={tip}" if tip else None), array=array, threshold=threshold, window=window,

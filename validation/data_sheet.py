@@ -18,23 +18,20 @@ from validation.derivation.base import describe_provenance
 from validation.places import find_middle
 from validation.render.image import Scale, tactile_image
 from validation.results import JsonObject, Result, result_model
-from validation.sensor_file import BUILT_IN, SensorDescription
+from validation.sensor_file import SensorDescription
 
 #: A command between back quotes, as texts for the terminal and Markdown have it.
 _QUOTED = re.compile("`(.*?)`")
 #: Text of an entry without a value.
 NOT_STATED = "not stated"
+#: Origin of the characteristic of a built-in sensor that nobody published.
+NO_RANGE = "assumed: the characteristic is unpublished"
 #: Number of forces at which the characteristic (counts over force) is evaluated to find its range and linearity [-].
 _STEPS = 200_001
 #: Largest force up to which the saturation of the characteristic is searched [N].
 _LARGEST_FORCE = 1e6
 #: Full width of a Gaussian at half of its maximum, over its standard deviation: sqrt(8 ln 2) [-].
 _WIDTH_AT_HALF = 2.3548200450309493
-#: Origin of the numbers of the electronics, by name of a built-in sensor.
-_BUILT_IN_SOURCES = {
-    "wts-0614-34": "2015 internship report on the WTS 0614-34",
-    "sdh2-distal": "slope of the WTS 0614-34 in the 2015 internship report; that of this array is unpublished",
-}
 
 
 @result_model
@@ -141,8 +138,8 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
         sensor: Description of the sensor; None if only the parameters are known.
     """
     source = "the folder of parameters, [electronics]" if sensor is None else f"{sensor.source}, [electronics]"
-    if sensor is not None and sensor.name in BUILT_IN and sensor.source.startswith("built-in"):
-        source = _BUILT_IN_SOURCES[sensor.name]
+    if sensor is not None and sensor.source.startswith("built-in"):
+        source = sensor.sources.get("range", NO_RANGE)
     assumed = parameters.provenance.get("electronics_assumed", ()) if sensor is None else sensor.assumed_electronics
     if assumed:
         source = f"partly assumed ({', '.join(assumed)}), else {source}"

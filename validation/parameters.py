@@ -8,13 +8,13 @@ from pathlib import Path
 import fastmodel
 from fastmodel import Parameters
 from validation.extras import require
-from validation.sensor_file import BUILT_IN, CURVED, SensorDescription
+from validation.sensor_file import BUILT_IN, CURVED, PUBLISHED, SensorDescription
 
 
 def holds_parameters(sensor: str) -> bool:
     """Return whether a user's name of a sensor is the path of a folder with parameters, or of its `parameters.toml`."""
     path = Path(sensor)
-    return sensor not in (*BUILT_IN, *CURVED) and (
+    return sensor not in (*BUILT_IN, *PUBLISHED, *CURVED) and (
         path.name == "parameters.toml" or (path / "parameters.toml").is_file()
     )
 

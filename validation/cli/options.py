@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 SensorFile = Annotated[
     str,
     Parameter(
-        help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal; with curved covers: fingertip, phalanx, "
-        "flat-pad."
+        help="A sensor file, or a built-in sensor: wts-0614-34, sdh2-distal, or one that `softcover datasheet "
+        "wts-0614-34 --compare all` lists; with curved covers: fingertip, phalanx, flat-pad."
     ),
 ]
 Sensor = Annotated[

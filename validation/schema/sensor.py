@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
@@ -91,6 +92,14 @@ def _read_half_space(value: object) -> HalfSpace:
         return "xyz".index(found[1]), sign, read_quantity(found[3], "length")
     except InputError as error:
         raise ValueError("; ".join(error.faults)) from None
+
+
+def _read_range(value: object) -> tuple[float, bool]:
+    """Read the end of a stated range; return it [N or Pa], and whether it is a pressure."""
+    for kind in ("force", "pressure"):
+        with suppress(InputError):
+            return types.quantity(kind).read(value), kind == "pressure"
+    raise ValueError(f"{shorten(value)} is no force on a texel and no pressure; write for example '250 kPa' or '5 N'")
 
 
 _OddCount = Annotated[types.TexelCount, AfterValidator(_refuse_even)]
@@ -282,6 +291,8 @@ class ElectronicsTable(Table):
     Attributes:
         rate: Frames per second.
         sensitivity: Slope of the characteristic, counts = sensitivity * force + offset.
+        range: Largest force on a texel, or largest pressure; without sensitivity and characteristic the counts rise in
+            a straight line up to it.
         offset: Counts without a touch.
         output_max: Counts at saturation; 2^bits - 1 when left out.
         bits: Bits of the converter.
@@ -296,6 +307,7 @@ class ElectronicsTable(Table):
 
     rate: types.Frequency | None = None
     sensitivity: Annotated[float, types.quantity("per force")] | None = None
+    range: Annotated[tuple[float, bool], types.Read(_read_range)] | None = None
     offset: types.Number = 0.0
     output_max: types.Count | None = None
     bits: Annotated[int, types.number(1, 32, whole=True)] = 12
@@ -325,6 +337,26 @@ def _find_kind_of_cover(value: Any) -> str:  # noqa: ANN401 -- a table or its co
     return "[FlatCoverTable]"
 
 
+class SourcesTable(Table):
+    """Where the numbers of a published sensor are stated: title, year, DOI or address.  What is left out is not stated.
+
+    Attributes:
+        texels: Source of rows, columns and mask.
+        pitch: Source of the pitch.
+        rate: Source of the frame rate.
+        range: Source of the range, or of the characteristic.
+        bits: Source of the bits.
+        cover: Source of the layers.
+    """
+
+    texels: str | None = None
+    pitch: str | None = None
+    rate: str | None = None
+    range: str | None = None
+    bits: str | None = None
+    cover: str | None = None
+
+
 class SensorTables(Table):
     """A tactile sensor: its array, its cover and its electronics.
 
@@ -335,6 +367,7 @@ class SensorTables(Table):
         contact: Contact between indenter and cover.
         filter: Low-pass filter before the electronics.
         spread: Kernel that replaces the fitted one.
+        sources: Where the numbers are stated, for a sensor that others published.
         name: Name of the sensor in tables and reports; the name of the file when left out.
     """
 
@@ -347,4 +380,5 @@ class SensorTables(Table):
     contact: ContactTable = ContactTable()
     filter: FilterTable | None = None
     spread: SpreadTable | None = None
+    sources: SourcesTable | None = None
     name: str | None = None

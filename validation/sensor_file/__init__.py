@@ -3,6 +3,6 @@
 `load` reads a sensor file or a built-in sensor, and returns a `SensorDescription` in SI units.
 """
 
-from validation.sensor_file.sensor import BUILT_IN, CURVED, SensorDescription, load, parse, read_template
+from validation.sensor_file.sensor import BUILT_IN, CURVED, PUBLISHED, SensorDescription, load, parse, read_template
 
-__all__ = ["BUILT_IN", "CURVED", "SensorDescription", "load", "parse", "read_template"]
+__all__ = ["BUILT_IN", "CURVED", "PUBLISHED", "SensorDescription", "load", "parse", "read_template"]

@@ -52,6 +52,12 @@ _SDH2_ELECTRONICS = Electronics(
     bits=12,
     calibrated=WTS_0614_34.calibrated,
 )
+#: Sources of the numbers of the sensors in `BUILT_IN`.
+_REPORT = "2015 internship report on the WTS 0614-34"
+_RECORDINGS = "headers and time stamps of the recordings in github.com/peter-kiechle/tactile-sensors (2015)"
+#: Files of the published sensors, and their names.
+_PUBLISHED = Path(str(resources.files("validation.sensor_file").joinpath("sensors")))
+PUBLISHED = tuple(sorted(path.stem for path in _PUBLISHED.glob("*.toml")))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,6 +74,8 @@ class SensorDescription:
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip.  A
             derivation and the fast model have no friction [-].
         source: Path of the sensor file, or the name of the built-in sensor.
+        sources: Where each number is stated, by quantity: texels, pitch, rate, range, bits, cover; one without an entry
+            is not stated.
         assumed_electronics: Assumed values of properties of the electronics that the sensor file does not state, one
             text each; counts depend on them, forces do not.
     """
@@ -80,6 +88,7 @@ class SensorDescription:
     spread: Gaussian | None = None
     friction: float = 0.0
     source: str = ""
+    sources: Mapping[str, str] = dataclasses.field(default_factory=dict)
     assumed_electronics: tuple[str, ...] = ()
 
     @property
@@ -138,8 +147,12 @@ BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
             cover=ASSUMED_COVER,
             electronics=electronics,
             source=f"built-in {name}",
+            sources=dict.fromkeys(stated, source),
         )
-        for name, electronics in (("wts-0614-34", WTS_0614_34), ("sdh2-distal", _SDH2_ELECTRONICS))
+        for name, electronics, stated, source in (
+            ("wts-0614-34", WTS_0614_34, ("texels", "pitch", "rate", "range", "bits"), _REPORT),
+            ("sdh2-distal", _SDH2_ELECTRONICS, ("texels", "pitch", "rate", "bits"), _RECORDINGS),
+        )
     }
 )
 
@@ -174,7 +187,7 @@ def load(
     """Read the description of a sensor from a sensor file, or take that of a built-in sensor.
 
     Args:
-        sensor: Path of a sensor file, or a name in `BUILT_IN`.
+        sensor: Path of a sensor file, or a name in `BUILT_IN`, `PUBLISHED` or `CURVED`.
         material: Name of a material in the catalogue that replaces the cover's material.
         thickness: Thickness with its unit that replaces the cover's thickness.
         layers: Changes of single layers, such as `2:thickness=1mm,youngs_modulus=3GPa`; layer 1 is the bottom one.
@@ -184,8 +197,11 @@ def load(
         OSError: If the file exists and cannot be read.
     """
     description = BUILT_IN.get(str(sensor)) or CURVED.get(str(sensor))
+    if description is None and str(sensor) in PUBLISHED:
+        path = _PUBLISHED / f"{sensor}.toml"
+        description = dataclasses.replace(_build(read(path, SensorTables), path), source=f"built-in {sensor}")
     if description is None:
-        names = nearest(str(sensor), (*BUILT_IN, *CURVED))
+        names = nearest(str(sensor), (*BUILT_IN, *PUBLISHED, *CURVED))
         hint = f"or built-in sensor; {names}, or a file from `softcover init`"
         description = _build(read(Path(sensor), SensorTables, hint=hint), Path(sensor))
     if material is None and thickness is None and not layers:
@@ -226,12 +242,16 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
     assumed = []
     if table.rate is None:
         assumed.append(f"{_ASSUMED_RATE:g} frames/s")
-    if table.sensitivity is None:
+    values["output_max"] = table.output_max or 2**table.bits - 1
+    stated = values.pop("range")
+    if table.sensitivity is None and table.characteristic is None and stated is not None:
+        values["sensitivity"] = values["output_max"] / (stated[0] * (np.prod(array.texel_size) if stated[1] else 1.0))
+        assumed.append("a straight line of counts up to the stated range")
+    elif table.sensitivity is None:
         # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
         values["sensitivity"] = _ASSUMED_SENSITIVITY if table.characteristic is None else 1.0
         if table.characteristic is None:
             assumed.append(f"{_ASSUMED_SENSITIVITY:g} counts per N on a texel")
-    values["output_max"] = table.output_max or 2**table.bits - 1
     low_pass = tables.filter
     return SensorDescription(
         name=name,
@@ -242,8 +262,25 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
         spread=None if tables.spread is None else Gaussian(**tables.spread.model_dump()),
         friction=tables.contact.friction,
         source=str(source),
+        sources=_name_sources(tables, cover),
         assumed_electronics=tuple(assumed),
     )
+
+
+def _name_sources(tables: SensorTables, cover: Cover | SolidCover) -> dict[str, str]:
+    """Return the source of each quantity that a sensor file states: the table `[sources]`, or else the file itself."""
+    if tables.sources is not None:
+        return {name: source for name, source in tables.sources if source}
+    table = tables.electronics
+    stated = {
+        "texels": True,
+        "pitch": True,
+        "rate": table.rate,
+        "range": table.range or table.sensitivity or table.characteristic,
+        "bits": "bits" in table.model_fields_set,
+        "cover": not cover.assumed,
+    }
+    return {name: "the sensor file" for name, given in stated.items() if given}
 
 
 def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple[TexelArray, Cover | SolidCover]:

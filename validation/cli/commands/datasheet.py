@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 
 if TYPE_CHECKING:
     from validation.data_sheet import DataSheet
+    from validation.sensor_comparison import Compared
 
 
 def datasheet(
     sensor: options.Sensor,
     *,
+    compare: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative=())] = (),
     cover: options.CoverChanges = options.UNCHANGED,
     out: options.File | None = None,
     json: options.Json = False,
@@ -24,18 +29,39 @@ def datasheet(
         softcover datasheet wts-0614-34
         softcover datasheet sensor.toml --out sensor.md
         softcover datasheet derived --json
+        softcover datasheet wts-0614-34 --compare pr2-fingertip takkstrip
+        softcover datasheet wts-0614-34 --compare all
 
     Args:
+        compare: Print the sensor beside these, by what is published of each and where; all: every built-in sensor.
         out: Also write the data sheet to this file, .md or .html.
     """
     from validation import api
+    from validation.sensor_comparison import put_side_by_side
 
+    if compare:
+        options.refuse_with(
+            "--compare", {"--out": out, **{f"--{name}": given or None for name, given in vars(cover).items()}}
+        )
+        _print_comparison(put_side_by_side((sensor, *compare)), json=json)
+        return
     found = options.read_sensor(sensor, cover)
     with output.Progress() as progress:
         sheet = api.datasheet(found, out=out, progress=progress)
     output.print_json(sheet.as_json()) if json else _print(sheet)
     if out is not None:
         output.say(f"wrote {out}")
+
+
+def _print_comparison(compared: Sequence[Compared], *, json: bool) -> None:
+    if json:
+        output.print_json({each.name: {"values": each.values, "sources": each.sources} for each in compared})
+        return
+    rows = [(each.name, *each.cells) for each in compared]
+    output.print_table(("sensor", *compared[0].values), rows, title="Sensors side by side", left=7)
+    output.show_wrapped("Counts and images follow from assumed ranges and bits, forces on texels do not.")
+    for each in compared:
+        output.show_wrapped(f"{each.name}: {each.origins}.", further="    ")
 
 
 def _print(sheet: DataSheet) -> None:
