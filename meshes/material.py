@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from meshes.relaxation import Relaxation
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -120,6 +122,7 @@ class Material:
         spread_above: Distance from Young's modulus up to the upper end of its range in the literature, over the
             modulus; None stands for the value of `spread` [-].
         poisson_spread: Half-width of the range of the Poisson ratio in the literature [-].
+        relaxation: Relaxation in time, of which the parameters give the start; None for an elastic material.
     """
 
     name: str
@@ -130,6 +133,7 @@ class Material:
     spread: float = 0.0
     spread_above: float | None = None
     poisson_spread: float = 0.0
+    relaxation: Relaxation | None = None
 
     def __post_init__(self) -> None:
         """Check the model and its parameters, and store the parameters as floats.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,6 +13,7 @@ from validation.campaign.case import Case
 from validation.campaign.plan import OutOfBudgetError, check_budget
 from validation.campaign.results import OUT_OF_BUDGET
 from validation.moving.history import Curve, MovingCase, Samples, estimate_interpolation, interpolate
+from validation.moving.inertia import find_resonance, warn_of_inertia
 from validation.moving.results import (
     TRUTH,
     MovingResult,
@@ -33,10 +33,6 @@ if TYPE_CHECKING:
 
 #: Samples per second of all signals before the frames, as many as MuJoCo takes with its usual step of 1 ms [Hz].
 RATE = 1000.0
-#: Density of rubber, for the resonance of the cover [kg/m3].
-_DENSITY = 1100.0
-#: Share of the first shear resonance up to which the inertia of the cover is negligible [-].
-_SLOW = 0.1
 #: Null model: the truth through the sensor's filter and frames.
 EXACT = "exact spread"
 #: Null model: the truth, sampled by the frames and held.
@@ -111,7 +107,7 @@ def score_moving(
         curves: Its static states.
         solved: Result of each state.
     """
-    samples, resonance = case.sample(RATE), find_resonance(bench)
+    samples, resonance = case.sample(RATE), find_resonance(bench.cover)
     shares = [_collect_shares([solved[state] for state in curve.cases]) for curve in curves]
     series = {
         model: samples.loads[:, None] * _interpolate(samples, curves, [each[model] for each in shares])
@@ -137,12 +133,6 @@ def score_moving(
             )
         )
         totals[row.title] = found[:, :-1].sum(axis=1)
-    warnings = []
-    if case.fastest > _SLOW * resonance:
-        warnings.append(
-            f"load or place change at up to {case.fastest:.3g} Hz, above a tenth of the cover's first shear resonance "
-            f"of {resonance:.3g} Hz: its inertia, which is neglected, counts"
-        )
     return MovingResult(
         name=case.name,
         indenter=case.shape,
@@ -152,21 +142,11 @@ def score_moving(
         ),
         fastest=case.fastest,
         resonance=resonance,
-        warnings=tuple(warnings),
+        warnings=warn_of_inertia(case.fastest, resonance),
         scores=tuple(scores),
         times=samples.times,
         totals=totals,
     )
-
-
-def find_resonance(bench: Bench) -> float:
-    """Compute the frequency of the first shear resonance of a cover bonded to a rigid base, sqrt(G / rho) / (4 h) [Hz].
-
-    A stack of layers is taken as one layer with the mean shear compliance; the density is that of rubber.
-    """
-    thickness = bench.cover.thickness
-    compliance = sum(layer.thickness / layer.material.shear_modulus for layer in bench.cover.layers) / thickness
-    return float(math.sqrt(1 / (compliance * _DENSITY)) / (4 * thickness))
 
 
 def hold(forces: FloatArray, frames_per_second: float) -> FloatArray:

@@ -10,7 +10,7 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, create_model
 from pydantic_core import CoreSchema, core_schema
@@ -20,6 +20,7 @@ from meshes.catalogue import MATERIALS
 from meshes.hardness import HardnessModulus
 from meshes.layer import Layer
 from meshes.material import MODELS, Material
+from meshes.relaxation import Bulk, Relaxation
 from validation.errors import InputError, match_name, nearest, shorten
 from validation.schema import Table
 from validation.text.friction import read_friction
@@ -50,6 +51,8 @@ class Limits:
 
 
 LIMITS = Limits()
+#: Largest number of Prony terms [-], and longest time of a relaxation, 30 years [s].
+_MOST_TERMS, _LONGEST = 50, 1e9
 #: Names of the parameters of all material models, each once.
 PARAMETERS = tuple(dict.fromkeys(name for model in MODELS.values() for name in model.parameters))
 _TEXT = {"type": "string"}
@@ -302,7 +305,29 @@ Name = Annotated[str, Read(_read_name, {"type": "string", "minLength": 1, "maxLe
 Count = Annotated[int, number(1, 2**32, whole=True)]
 TexelCount = Annotated[int, number(1, MOST_TEXELS, whole=True)]
 Number = Annotated[float, number(-LIMITS.number, LIMITS.number)]
+_Seconds = Annotated[float, quantity("time", most=_LONGEST)]
+_Part = Annotated[float, number(0, 1)]
 PoissonRatio = Annotated[float, number(0, 0.5, " (0.5 is incompressible)")]
+
+
+class RelaxationTable(Table):
+    """Relaxation of the shear modulus in time: Prony terms `g`, or the `exponent` of a power law.
+
+    Attributes:
+        g: Prony terms, each the share of the modulus that relaxes with its time.
+        tau: Time of each term, or the one time of a power law.
+        exponent: Exponent of a power law, (1 + t / tau)^-exponent.
+        bulk: Whether the bulk modulus relaxes with the shear modulus, or is constant.
+    """
+
+    tau: Annotated[list[_Seconds], OneOrMore(), Field(min_length=1, max_length=_MOST_TERMS)]
+    g: Annotated[list[_Part], OneOrMore(), Field(min_length=1, max_length=_MOST_TERMS)] | None = None
+    exponent: _Part | None = None
+    bulk: Annotated[Bulk, choice(*get_args(Bulk))] = "relaxing"
+
+    def make(self) -> Relaxation:
+        """Make the relaxation that the table describes."""
+        return Relaxation(tau=tuple(self.tau), g=tuple(self.g or ()), exponent=self.exponent, bulk=self.bulk)
 
 
 class _MaterialTable(Table):
@@ -316,6 +341,7 @@ class _MaterialTable(Table):
         source: Origin of the parameters.
         spread: Relative spread of the modulus between sources.
         poisson_spread: Spread of the Poisson ratio between sources.
+        relaxation: How the modulus, which is that just after a step, falls in time.
     """
 
     model: Annotated[str, choice(*MODELS)] = Field(examples=["linear-elastic"])
@@ -325,6 +351,7 @@ class _MaterialTable(Table):
     source: str | None = None
     spread: Annotated[float, number(0, 10)] | None = None
     poisson_spread: PoissonRatio = 0.0
+    relaxation: RelaxationTable | None = None
 
     def make(self) -> Material:
         """Make the material that the table describes.
@@ -346,6 +373,7 @@ class _MaterialTable(Table):
             source=made.source if self.source is None else self.source,
             spread=made.spread if self.spread is None else self.spread,
             poisson_spread=self.poisson_spread,
+            relaxation=None if self.relaxation is None else self.relaxation.make(),
         )
 
     def _from_parameters(self, given: Mapping[str, Any]) -> Material:

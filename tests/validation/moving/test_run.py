@@ -12,8 +12,9 @@ from tests.support.histories import make_case
 from validation.campaign.bench import LayeredBench
 from validation.campaign.plan import Budget
 from validation.campaign.results import predict
+from validation.moving.inertia import find_resonance
 from validation.moving.results import measure_delay, measure_misplaced
-from validation.moving.run import RATE, find_resonance, hold, run_moving, score_moving
+from validation.moving.run import RATE, hold, run_moving, score_moving
 from validation.regression.made_up import make_case_result
 from validation.sensor_file import BUILT_IN
 
@@ -133,7 +134,7 @@ def test_frames_hold_the_latest_sample():
 
 def test_the_resonance_is_that_of_a_shear_layer():
     """sqrt(G / rho) / (4 h) with G = E / (2 (1 + nu)), 1 MPa, nu 0.49, 2 mm, 1100 kg/m3."""
-    assert find_resonance(BENCH) == pytest.approx(np.sqrt(1e6 / 2.98 / 1100) / 8e-3)
+    assert find_resonance(BENCH.cover) == pytest.approx(np.sqrt(1e6 / 2.98 / 1100) / 8e-3)
 
 
 def test_fast_changes_of_the_load_are_warned_of():

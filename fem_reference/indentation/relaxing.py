@@ -1,0 +1,456 @@
+"""Follow one guided, frictionless press on a relaxing linear cover in time, from its elastic curve.
+
+With one relaxation function g(t) for all layers and a constant Poisson ratio, the pressure follows from the elastic
+pressure p_e at the same contact, p(x, t) = int_0^t g(t - s) dp_e(x, c(s)), as long as the contact grows (Lee and
+Radok 1960); c is the depth at which an elastic cover has the contact.  While the contact shrinks, it is that of an
+earlier instant t1 with int_t1^t g(t - s) d depth(s) = 0, and the integral for p ends there (Ting 1966).  Both need
+contacts that are nested by depth.  A flat face keeps its contact, so that all its histories superpose until it lifts
+off.
+
+With a constant bulk modulus the response depends on the ratio of the two moduli.  Its Laplace transform is that of an
+elastic cover with the shear modulus s g~(s) G(0).  A polynomial in this modulus through the responses of a few elastic
+covers becomes in time the same polynomial in the operator y -> int g(t - s) dy(s).  This is exact in time for a contact
+that does not change, and for a half-space; elsewhere a growing contact is an approximation.
+
+An integral over a history is a sum over the n intervals between instants, on which the history is linear, with the mean
+of g over each.  A step at the first instant is an interval of length zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.linalg import solve_triangular
+from scipy.optimize import brentq
+
+from fem_reference.errors import UnsupportedError
+from fem_reference.finite_strain.loading_path import Control
+from fem_reference.indentation.press import press_path
+from fem_reference.indentation.result import Indentation
+from meshes import Cover, Indenter, Layer, Pose, TexelArray
+from meshes.array_types import FloatArray
+from meshes.relaxation import Relaxation
+
+#: Number of points of an elastic curve under a curved indenter [-].  Loads are cubes and depths squares, as the radius
+#: of a round contact on a thick cover grows with the cube root of the load.
+_POINTS = 10
+#: Number of shear moduli for which a cover of constant bulk modulus is pressed [-].
+_LEVELS = 5
+#: Number of instants of a history, about [-], and shortest interval after a change over the time to the next one [-].
+_INSTANTS, _FIRST = 240, 1e-5
+#: Number of points of a curve up to which its interpolation has no estimate: that of a flat face is exact [-].
+_FEWEST = 3
+#: Decrease of a contact over its depth that is rounding [-].
+_ROUNDING = 1e-9
+
+
+class HistoryError(ValueError):
+    """A history that leaves what the heredity integral covers, or lifts off."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ElasticCurve:
+    """Force and texel forces over depth of an elastic cover, interpolated between m presses.
+
+    Attributes:
+        depths: Ascending depths, at least two, shape (m,) [m].
+        values: Force on the indenter, forces on n texels, and force outside, shape (m, n + 2) [N].
+    """
+
+    depths: FloatArray
+    values: FloatArray
+
+    @classmethod
+    def of(cls, presses: Sequence[Indentation]) -> ElasticCurve:
+        """Return the curve through presses at ascending depths."""
+        values = [np.array([each.total_force, *each.texel_forces, each.outside]) for each in presses]
+        return cls(depths=np.array([each.depth for each in presses]), values=np.array(values))
+
+    @cached_property
+    def _force(self) -> BSpline:
+        return make_interp_spline(np.log(self.depths), np.log(self.values[:, 0]), k=min(3, len(self.depths) - 1))
+
+    @cached_property
+    def _shares(self) -> BSpline:
+        shares = self.values / self.values[:, :1]
+        return make_interp_spline(np.log(self.depths), shares, k=min(3, len(shares) - 1))
+
+    def force(self, depth: FloatArray) -> FloatArray:
+        """Return the force at depths [m], of the same shape [N]; a power of the depth outside the points."""
+        x = np.log(np.where(depth > 0, depth, 1.0))
+        inside = np.clip(x, *self._force.t[[0, -1]])
+        slope = self._force(inside, nu=1)
+        return np.where(depth > 0, np.exp(self._force(inside) + slope * (x - inside)), 0.0)
+
+    def depth(self, force: FloatArray) -> FloatArray:
+        """Return the depth at forces [N], of the same shape [m]."""
+        out = np.zeros_like(force)
+        for place in map(tuple, np.argwhere(force > 0)):
+            least, most = (force[place] / self.values[end, 0] for end in (0, -1))
+            ends = self.depths[0] * min(least, 1.0) / 2, self.depths[-1] * max(most, 1.0) * 2
+            out[place] = brentq(lambda d, f=force[place]: self.force(np.array(d)) - f, *ends, xtol=1e-18, rtol=1e-12)
+        return out
+
+    def forces(self, depth: FloatArray) -> FloatArray:
+        """Return force, forces on n texels and force outside at k depths [m], shape (k, n + 2) [N]."""
+        x = np.clip(np.log(np.maximum(depth, 1e-300)), *self._shares.t[[0, -1]])
+        return np.asarray(self._shares(x) * self.force(depth)[:, None])
+
+    @property
+    def error(self) -> float:
+        """Estimated relative error of the forces by interpolation: with every other point left out, an eighth of it."""
+        if len(self.depths) <= _FEWEST:
+            return 0.0
+        coarse = ElasticCurve(depths=self.depths[::-2][::-1], values=self.values[::-2][::-1])
+        return float(np.abs(coarse.force(self.depths[1:]) / self.values[1:, 0] - 1).max() / 8)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Followed:
+    """A press in time, at k instants.
+
+    Attributes:
+        times: The instants, ascending from 0 [s].
+        forces: Force on the indenter at each instant, shape (k,) [N].
+        depths: Approach of the indenter from first touch, shape (k,) [m].
+        contact_depths: Depth at which the elastic cover has the same contact, shape (k,) [m].
+        texel_forces: Force on each of n texels, shape (k, n) [N].
+        outside: Force on the base outside the texels, shape (k,) [N].
+        fast: Forces on the texels and outside of an elastic cover with the initial modulus, under the same load or
+            at the same depth, which a model without relaxation has at best, shape (k, n + 1) [N].
+        error_estimate: Estimated errors over the largest force and depth [-]: `presses` of the elastic presses, `curve`
+            of their interpolation, `time` of the steps of time (twice the step), and `moduli` of the polynomial (degree
+            two instead of four), which is zero for a constant Poisson ratio.
+    """
+
+    times: FloatArray
+    forces: FloatArray
+    depths: FloatArray
+    contact_depths: FloatArray
+    texel_forces: FloatArray
+    outside: FloatArray
+    fast: FloatArray
+    error_estimate: dict[str, float]
+
+
+class _Integral:
+    """The integral y -> int g(t - s) dy(s) at the instants of a history, on values that are linear between them."""
+
+    def __init__(self, times: FloatArray, relaxation: Relaxation) -> None:
+        ends, starts = times, np.append(0.0, times[:-1])
+        past = np.maximum(times[:, None] - ends, 0.0)
+        self.weights = np.tril(relaxation.mean(past, np.broadcast_to(ends - starts, past.shape)))
+
+    def over(self, values: FloatArray) -> FloatArray:
+        """Return the integral over values, or over each of their columns, shape (n, ...)."""
+        return np.asarray(self.weights @ np.diff(values, axis=0, prepend=np.zeros_like(values[:1])))
+
+    def invert(self, values: FloatArray) -> FloatArray:
+        """Return the history whose integral has the given values, shape (n,)."""
+        return np.cumsum(solve_triangular(self.weights, values, lower=True))
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """The integral as a matrix, shape (n, n)."""
+        return self.over(np.eye(len(self.weights)))
+
+
+def follow_press(
+    cover: Cover,
+    array: TexelArray,
+    indenter: Indenter,
+    pose: Pose,
+    *,
+    times: Sequence[float],
+    loads: Sequence[float] | None = None,
+    depths: Sequence[float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Followed:
+    """Follow a frictionless press of one indenter in time, under loads or depths that are linear between instants.
+
+    Args:
+        cover: Cover of `linear-elastic` layers with one and the same relaxation, on a rigid base.
+        array: Array with n texels.
+        indenter: The indenter.
+        pose: Pose of the indenter, as for `press`; it does not change.
+        times: Ascending instants, the first one zero [s].  A value other than zero at the first one is a step.
+        loads: Load at each instant [N].  Give either `loads` or `depths`.
+        depths: Depth at each instant [m].
+        progress: Called with a line of text before each solve.
+
+    Raises:
+        HistoryError: If the indenter lifts off, or is pressed a second time without a flat face.
+        UnsupportedError: If the cover is not linear, has no relaxation or several, or the contact shrinks on a cover
+            with a constant bulk modulus.
+        PiercedError: If the indenter would pierce the cover.
+        ConvergenceError: If the finite elements do not converge.
+    """
+    relaxation = find_relaxation(cover)
+    control: Control = "load" if depths is None else "depth"
+    values = np.array(loads if depths is None else depths, dtype=np.float64)
+    peak = find_peak(np.array(times), values, relaxation) if control == "load" else float(values.max())
+    flat = indenter.is_flat
+    power = 1.0 if flat else 3.0 if control == "load" else 2.0
+    shares = np.array([0.5, 1.0]) if flat else np.linspace(1 / _POINTS, 1, _POINTS) ** power
+
+    def press(level: float, control: str, targets: FloatArray) -> list[Indentation]:
+        given = {f"{control}s": targets.tolist()}
+        return press_path(_soften(cover, level), array, indenter, pose, progress=progress, **given)
+
+    presses = press(1.0, control, peak * shares)
+    curves = {1.0: ElasticCurve.of(presses)}
+    if relaxation.bulk == "constant" and any(each.material.poisson_ratio < 0.5 for each in cover.layers):  # noqa: PLR2004
+        least = relaxation.at(times[-1])
+        levels = (1 + least) / 2 + (1 - least) / 2 * np.cos(np.pi * np.arange(1, _LEVELS) / (_LEVELS - 1))
+        curves |= {level: ElasticCurve.of(press(level, "depth", curves[1.0].depths)) for level in levels.tolist()}
+    found = follow_curves(curves, relaxation, times, values, control=control, is_flat=flat)
+    errors = [
+        each.error_estimate[name] * share
+        for each in presses
+        for name, share in (
+            ("total_force", each.total_force / presses[-1].total_force), ("depth", each.depth / presses[-1].depth)
+        )
+    ]  # fmt: skip
+    return replace(found, error_estimate={"presses": max(errors)} | found.error_estimate)
+
+
+def find_peak(times: FloatArray, loads: FloatArray, relaxation: Relaxation) -> float:
+    """Return the load under which an elastic cover has the largest contact of a history, at a constant nu [N].
+
+    Args:
+        times: Ascending instants, the first one zero [s].
+        loads: Load at each instant [N].
+        relaxation: Relaxation of the cover.
+    """
+    grid = _divide(times, _INSTANTS)
+    return float(_Integral(grid, relaxation).invert(np.interp(grid, times, loads)).max())
+
+
+def follow_curves(
+    curves: Mapping[float, ElasticCurve],
+    relaxation: Relaxation,
+    times: Sequence[float],
+    values: FloatArray,
+    *,
+    control: Control,
+    is_flat: bool,
+) -> Followed:
+    """Follow a press in time, given the elastic curves of its cover; see `follow_press`.
+
+    Args:
+        curves: Elastic curves by the factor on the shear modulus at a constant bulk modulus; only that of 1 if the
+            Poisson ratio is constant.
+        relaxation: Relaxation of the cover.
+        times: Ascending instants, the first one zero [s].
+        values: Load [N] or depth [m] at each instant.
+        control: Which of the two the values are.
+        is_flat: Whether the contact is the same at all depths.
+
+    Raises:
+        HistoryError: As `follow_press`.
+        UnsupportedError: As `follow_press`.
+    """
+    instants = np.array(times, dtype=np.float64)
+    grids = [_divide(instants, _INSTANTS // part) for part in (1, 2)]
+    given = [np.interp(grid, instants, values) for grid in grids]
+    few = dict(list(curves.items())[::2])
+    course, coarse, other = (
+        _Follower(_Integral(grids[k], relaxation), chosen, is_flat).follow(control, given[k], grids[k])
+        for k, chosen in ((0, curves), (1, curves), (1, few))
+    )
+    errors = {
+        "curve": curves[1.0].error,
+        "time": _compare(coarse, course, grids[1], grids[0]),
+        "moduli": _compare(other, coarse, grids[1], grids[1]),
+    }
+    elastic = curves[1.0].depth(given[0]) if control == "load" else course.depths
+    return Followed(
+        times=grids[0], forces=course.forces[:, 0], depths=course.depths, contact_depths=course.contact,
+        texel_forces=course.forces[:, 1:-1], outside=course.forces[:, -1], fast=curves[1.0].forces(elastic)[:, 1:],
+        error_estimate=errors,
+    )  # fmt: skip
+
+
+def find_relaxation(cover: Cover) -> Relaxation:
+    """Return the relaxation of all layers of a cover.
+
+    Raises:
+        UnsupportedError: If the cover is not linear, or its layers do not relax alike.
+    """
+    found = {layer.material.relaxation for layer in cover.layers}
+    if not cover.small_strain_only:
+        raise UnsupportedError("histories need linear-elastic layers; change the model of the material", "history")
+    if None in found or len(found) > 1:
+        raise UnsupportedError(
+            "every layer needs a relaxation, the same in all; write for example relaxation = { g = 0.3, tau = '1 s' } "
+            "into the material",
+            "history",
+        )
+    return next(each for each in found if each is not None)
+
+
+def _soften(cover: Cover, level: float) -> Cover:
+    """Return the elastic cover with its shear moduli times a factor, the bulk moduli unchanged."""
+
+    def change(layer: Layer) -> Layer:
+        material, shear = layer.material, level * layer.material.shear_modulus
+        share = shear / material.bulk_modulus
+        ratio = material.poisson_ratio if level == 1 else (3 - 2 * share) / (6 + 2 * share)
+        modulus = 2 * shear * (1 + ratio)
+        changed = replace(material, parameters={"youngs_modulus": modulus}, poisson_ratio=ratio, relaxation=None)
+        return replace(layer, material=changed)
+
+    return replace(cover, layers=tuple(map(change, cover.layers)))
+
+
+def _divide(instants: FloatArray, count: int) -> FloatArray:
+    """Divide the intervals of a history, about `count` in all, more finely after each change; return all instants."""
+    each = count // (4 * (len(instants) - 1))
+    if each < 1:
+        x = np.linspace(0, 1, 2 if count < _INSTANTS else 3)
+    else:
+        x = np.union1d(np.geomspace(_FIRST, 1, 2 * each + 1), np.linspace(0, 1, 2 * each + 1))
+    inner = instants[:-1, None] + np.diff(instants)[:, None] * x[1:-1]
+    return np.union1d(instants, inner)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Course:
+    """Course of a press on one grid of k instants.
+
+    Attributes:
+        forces: Force, forces on n texels and force outside, shape (k, n + 2) [N].
+        depths: Approach of the indenter, shape (k,) [m].
+        contact: Depth of the elastic cover with the same contact, shape (k,) [m].
+    """
+
+    forces: FloatArray
+    depths: FloatArray
+    contact: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shrunk:
+    """State of a shrinking contact at one instant.
+
+    Attributes:
+        interval: Interval of the loading in which the contact had its size.
+        contact: Depth of the elastic cover with that contact [m].
+    """
+
+    interval: int
+    contact: float
+
+
+class _Follower:
+    """Follows one history on one grid of n instants, given the elastic curves by their share of the shear modulus."""
+
+    def __init__(self, integral: _Integral, curves: Mapping[float, ElasticCurve], is_flat: bool) -> None:
+        self._integral, self._flat, self._curve = integral, is_flat, curves[1.0]
+        levels, eye = list(curves), np.eye(len(integral.weights))
+        self._parts = [(integral.matrix, self._curve)]
+        if len(levels) > 1:
+            self._parts = []
+            for level, curve in curves.items():
+                matrix = eye
+                for other in levels:
+                    if other != level:
+                        matrix = matrix @ (integral.matrix - other * eye) / (level - other)
+                self._parts.append((matrix, curve))
+
+    def follow(self, control: Control, given: FloatArray, times: FloatArray) -> _Course:
+        """Return the course of forces and depths.
+
+        Raises:
+            HistoryError: If the indenter lifts off or is pressed a second time.
+            UnsupportedError: If the contact shrinks on a cover with a constant bulk modulus.
+        """
+        contact = given if control == "depth" else self._find_depths(given)
+        last = len(given) - 1 if self._flat else _find_growth(contact)
+        if last < len(given) - 1 and len(self._parts) > 1:
+            raise UnsupportedError(
+                f"the contact shrinks from {times[last]:.4g} s on, which is not computed for bulk = 'constant'; end "
+                "the history there, or take bulk = 'relaxing'",
+                "history",
+            )
+        grown = np.where(np.arange(len(given)) > last, contact[last], contact)
+        forces = sum((matrix @ curve.forces(grown) for matrix, curve in self._parts), np.zeros(1))
+        depth, contact, pressed = contact.copy(), grown.copy(), self._curve.forces(grown[: last + 1])
+        for i in range(last + 1, len(given)):
+            shrink = self._shrink_depth if control == "depth" else self._shrink_load
+            found = shrink(i, given[i], depth, pressed[:, 0])
+            if found is None or found.contact > contact[i - 1] * (1 + 1e-6):
+                fault = (
+                    "lifts off" if found is None else "begins to press a second time, because its contact grows again,"
+                )
+                raise HistoryError(f"the indenter {fault} at {times[i]:.4g} s; end the history before")
+            k, weights, contact[i] = found.interval, self._integral.weights[i], found.contact
+            before = pressed[k - 1] if k else np.zeros_like(pressed[0])
+            forces[i] = weights[:k] @ np.diff(pressed[:k], axis=0, prepend=np.zeros_like(pressed[:1]))
+            forces[i] += weights[k] * (self._curve.forces(contact[i : i + 1])[0] - before)
+        lifted = np.flatnonzero((forces[:-1, 0] <= 0) & (contact[:-1] > 0))
+        if len(lifted):
+            raise HistoryError(f"the indenter lifts off at {times[lifted[0]]:.4g} s; end the history before")
+        return _Course(forces=forces, depths=depth, contact=contact)
+
+    def _find_depths(self, loads: FloatArray) -> FloatArray:
+        """Return the depth at each instant under loads, while the contact grows, shape (n,) [m]."""
+        if len(self._parts) == 1:
+            return self._curve.depth(self._integral.invert(loads))
+        depths, values = np.zeros(len(loads)), np.zeros((len(self._parts), len(loads)))
+        most = 4 * self._curve.depths[-1]
+        for i, load in enumerate(loads.tolist()):
+            rest = load - sum(float(matrix[i, :i] @ values[j, :i]) for j, (matrix, _) in enumerate(self._parts))
+
+            def miss(depth: float, i: int = i, rest: float = rest) -> float:
+                return sum(float(matrix[i, i] * curve.force(np.array(depth))) for matrix, curve in self._parts) - rest
+
+            depths[i] = brentq(miss, 0.0, most, xtol=1e-18, rtol=1e-12) if rest > 0 else 0.0
+            values[:, i] = [curve.force(depths[i]) for _, curve in self._parts]
+        return depths
+
+    def _shrink_depth(self, i: int, _: float, depth: FloatArray, elastic: FloatArray) -> _Shrunk | None:
+        """Return the contact at instant i under given depths; None if the indenter lifts off."""
+        weighted = self._integral.weights[i, : i + 1] * np.diff(depth[: i + 1], prepend=0.0)
+        kept = np.cumsum(weighted[::-1])[::-1][: len(elastic)]
+        found = np.flatnonzero(kept >= 0)
+        if not len(found):
+            return None
+        k = int(found[-1])
+        before = depth[k - 1] if k else 0.0
+        share = kept[k] / weighted[k] if weighted[k] > 0 else 1.0
+        return _Shrunk(interval=k, contact=float(before + share * (depth[k] - before)))
+
+    def _shrink_load(self, i: int, load: float, depth: FloatArray, elastic: FloatArray) -> _Shrunk:
+        """Return the contact at instant i under a given load, and set the depth there."""
+        weights = self._integral.weights[i]
+        gained = np.cumsum(weights[: len(elastic)] * np.diff(elastic, prepend=0.0))
+        k = min(int(np.searchsorted(gained, load)), len(elastic) - 1)
+        contact = float(self._curve.depth(np.array(max(0.0, elastic[k] - (gained[k] - load) / weights[k]))))
+        steps = np.diff(depth[:i], prepend=0.0)
+        later = weights[k] * (depth[k] - contact) + weights[k + 1 : i] @ steps[k + 1 :]
+        depth[i] = depth[i - 1] - later / weights[i]
+        return _Shrunk(interval=k, contact=contact)
+
+
+def _compare(coarse: _Course, fine: _Course, at: FloatArray, instants: FloatArray) -> float:
+    """Return the largest difference of force and depth of two courses over the largest value [-].
+
+    Args:
+        coarse: Course at the instants `at` [s].
+        fine: Course at `instants` [s].
+        at: Instants at which the courses are compared, shape (k,) [s].
+        instants: Instants that contain these, shape (n,) [s].
+    """
+    pairs = (coarse.forces[:, 0], fine.forces[:, 0]), (coarse.depths, fine.depths)
+    return max(float(np.abs(np.interp(at, instants, two) - one).max() / two.max()) for one, two in pairs)
+
+
+def _find_growth(contact: FloatArray) -> int:
+    """Return the last instant before a contact first shrinks."""
+    shrinks = np.flatnonzero(np.diff(contact) < -_ROUNDING * contact.max())
+    return int(shrinks[0]) if len(shrinks) else len(contact) - 1
