@@ -221,14 +221,8 @@ class Bench:
         Args:
             places: Position x, y [m] and yaw [rad] of the axis of each indenter.
         """
-        started, array = time.perf_counter(), self._parameters.array
-        for number, (placement, (x, y, yaw)) in enumerate(zip(self._placements, places, strict=True)):
-            reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
-            body = self._model.body(f"indenter{number}")
-            body.pos = x, y, self._method.find_start(array, (x, y), reach)
-            body.quat = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
-        self._reader.set_state(self._start)
-        mujoco.mj_resetData(self._model, self._data)
+        started = time.perf_counter()
+        self._place(places)
         load = sum(placement.load for placement in self._placements)
         reading, chatter = _settle(self._model, self._data, self._reader, load)
         if reading.texel_forces is None:
@@ -237,6 +231,32 @@ class Bench:
         if reading.approach is not None and len(places) == 1 and self._placements[0].guided:
             depth = float(reading.approach[0])
         return replace(_describe(self._parameters, self._name, reading, depth, started), chatter=chatter)
+
+    def drop(self, places: Sequence[tuple[float, float, float]], height: float, steps: int) -> list[Reading]:
+        """Let the indenters fall on the array, and read the contact forces of each step of `TIMESTEP`.
+
+        Args:
+            places: Position x, y [m] and yaw [rad] of the axis of each indenter.
+            height: Height of their lowest points over the array at rest [m].
+            steps: Number of steps [-].
+        """
+        self._place(places, height)
+        readings = []
+        for _ in range(steps):
+            mujoco.mj_step(self._model, self._data)
+            readings.append(self._reader.read(self._data))
+        return readings
+
+    def _place(self, places: Sequence[tuple[float, float, float]], height: float = 0.0) -> None:
+        """Place the indenters at rest above the array, and forget the presses before."""
+        array = self._parameters.array
+        for number, (placement, (x, y, yaw)) in enumerate(zip(self._placements, places, strict=True)):
+            reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
+            body = self._model.body(f"indenter{number}")
+            body.pos = x, y, self._method.find_start(array, (x, y), reach) + height
+            body.quat = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
+        self._reader.set_state(self._start)
+        mujoco.mj_resetData(self._model, self._data)
 
 
 def _describe(

@@ -133,7 +133,7 @@ def read_campaign(path: Path | None, places: Places) -> Campaign:
         raise InputError(
             f"{path}: is empty; write [[case]] or [required], or leave the file out for the built-in campaign"
         )
-    return parse_campaign(tables, places, source=str(path))
+    return parse_campaign(tables, places, source=str(path), folder=path.parent)
 
 
 @cache
@@ -141,7 +141,13 @@ def _read_default(name: str) -> dict[str, Any]:
     return read_raw(Path(str(resources.files("validation.campaign").joinpath(name))), CampaignTables)
 
 
-def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> Campaign:
+def parse_campaign(
+    data: Mapping[str, Any],
+    places: Places,
+    *,
+    source: str,
+    folder: Path = Path(),
+) -> Campaign:
     """Check the tables of a campaign file and make the campaign.
 
     Entries other than cases that are missing in the file are those of the default campaign.
@@ -150,6 +156,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
         data: The tables of the file, as the TOML parser returns them.
         places: Places on the cover.
         source: The file; fault lines begin with it.
+        folder: Folder of the files that it names.
 
     Raises:
         InputError: As for `read_campaign`.
@@ -168,7 +175,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     if cases != asked:
         low, high = (edge(case.load for case in cases) for edge in (min, max))
         use = f"{use} Loads are lowered for this soft cover: {low:.2g} N to {high:.2g} N."
-    moving, faults = read_moving(tables.moving, places, scale=scale, deepest=tables.deepest)
+    moving, faults = read_moving(tables.moving, places, scale=scale, deepest=tables.deepest, folder=folder)
     left_out = [f"{source}: {fault}" for fault in (*left_out, *faults)]
     if not cases:
         raise InputError(*left_out, f"{source}: no usable case is left; add one, or mend one of these")

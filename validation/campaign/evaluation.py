@@ -20,14 +20,14 @@ from validation.campaign.bench import LayeredBench, prepare_bench
 from validation.campaign.campaign_file import Campaign, Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.plan import Budget, plan_cases
-from validation.campaign.results import CampaignResult
+from validation.campaign.results import CampaignResult, SkippedCase
 from validation.campaign.run import run_campaign
 from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import at
 from validation.moving.results import MovingResult
-from validation.moving.run import run_moving
+from validation.moving.run import Moved, run_moving
 from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
@@ -104,7 +104,7 @@ class Evaluation(RecordingEvaluation):
         campaign: Scores of the fast model against the finite elements.
         evidence: Verification, effect of uncertain inputs, error of each stage, and range of the cases.
         moving: Results of the cases that change in time.
-        not_moved: A line for each such case that a model cannot compute.
+        not_moved: Those of these cases that have no scores.
     """
 
     derivation: Derivation
@@ -113,7 +113,7 @@ class Evaluation(RecordingEvaluation):
     campaign: CampaignResult
     evidence: Evidence
     moving: tuple[MovingResult, ...] = ()
-    not_moved: tuple[str, ...] = ()
+    not_moved: tuple[SkippedCase, ...] = ()
 
     @property
     def sensor(self) -> SensorDescription:
@@ -134,6 +134,7 @@ class Evaluation(RecordingEvaluation):
             campaign=self.campaign,
             evidence=self.evidence,
             moving=self.moving,
+            not_moved=self.not_moved,
         )
 
 
@@ -185,8 +186,7 @@ def evaluate(
         announce(cost.describe(budget, len(plan.spare)))
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    moved = [case.make_state(case.poses[0], max(case.loads)) for case in plan.moving]
-    bench = prepare_bench(derivation, [*listed, *moved], progress)
+    bench = prepare_bench(derivation, [*listed, *(each.heaviest for each in plan.moving)], progress)
     step = progress.step if progress else None
     result = run_campaign(bench, listed, plan=cost, budget=budget, spare=len(plan.spare), progress=step)
     done = {each.case.name for each in result.cases} | {each.name for each in result.skipped}
@@ -194,12 +194,12 @@ def evaluate(
         plan, cases=tuple(case for case in listed if case.name in done or case in plan.cases),
         spare=tuple(case for case in plan.spare if case.name not in done),
     )  # fmt: skip
-    moving: tuple[MovingResult, ...] = ()
-    not_moved: tuple[str, ...] = ()
+    moved = Moved()
     if plan.moving and not result.interrupted:
         if progress:
             progress("moving cases")
-        moving, not_moved = run_moving(bench, plan.moving, step, budget=budget)
+        moved = run_moving(bench, plan.moving, step, budget=budget)
+        result = dataclasses.replace(result, interrupted=moved.interrupted)
     evidence = gather_evidence(bench, plan, result, progress, budget=budget)
     clock.append(time.perf_counter())
     return Evaluation(
@@ -210,8 +210,8 @@ def evaluate(
         # Recordings of another sensor are shown, and tell nothing about this one.
         verdict=_judge(plan, result, scores, recordings if recorded is None or recorded is sensor else None),
         evidence=evidence,
-        moving=moving,
-        not_moved=not_moved,
+        moving=moved.results,
+        not_moved=moved.skipped,
         recordings=scores,
         recorded=recorded or sensor,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),

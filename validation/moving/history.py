@@ -9,19 +9,22 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from meshes import Indenter, Pose
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 from validation.campaign.case import Case
-from validation.errors import InputError
+from validation.errors import InputError, at
 from validation.places import Places
+from validation.recordings.tables import read_history
 from validation.schema import parse
 from validation.schema.campaign import LONGEST_HISTORY, MovingTable
+from validation.schema.types import check_below
 
 #: Number of states along a change of the load [-].  Their loads are cubes, because the radius of a round contact on a
 #: thick cover grows with the cube root of the load.
@@ -30,8 +33,10 @@ _LOADS = 8
 _STEP = 0.25
 #: Smallest number of intervals between states along a motion [-].
 _FEWEST = 4
-#: Largest distance that a moving case moves [m].
-_FARTHEST = 0.5
+#: Largest distance that a moving case moves [m], and its largest number of different runs, see `_Run` [-].
+_FARTHEST, _MOST_RUNS = 0.5, 100
+#: Cosine of the largest angle between two parts of one run: 20 degrees [-].
+_STRAIGHT = 0.94
 #: Distance over which a motion counts as one change [m].
 _MILLIMETRE = 1e-3
 
@@ -49,6 +54,24 @@ class Curve(NamedTuple):
     cases: tuple[Case, ...]
 
 
+class _Run(NamedTuple):
+    """Parts of a history that share a curve: at one place, or one after the other along a way without a corner.
+
+    Attributes:
+        poses: The places, in the order of the motion.
+        loads: Load at each place; at one place where the load changes zero and the largest load of the history [N].
+    """
+
+    poses: tuple[Pose, ...]
+    loads: tuple[float, ...]
+
+    @property
+    def ways(self) -> FloatArray:
+        """Share of the way that is done at each place, shape (k,); all zero at one place [-]."""
+        done = np.append(0.0, np.cumsum([math.dist(a.point, b.point) for a, b in itertools.pairwise(self.poses)]))
+        return done / (done[-1] or 1.0)
+
+
 class Samples(NamedTuple):
     """A history at k instants.
 
@@ -57,12 +80,14 @@ class Samples(NamedTuple):
         loads: Load at each instant, shape (k,) [N].
         curves: Index of the curve to which each instant belongs, shape (k,) [-].
         positions: Coordinate on the curve at each instant, shape (k,) [-].
+        moves: Whether the place changes, shape (k,).
     """
 
     times: FloatArray
     loads: FloatArray
     curves: IntArray
     positions: FloatArray
+    moves: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +102,8 @@ class MovingCase:
         loads: Load at each instant [N].
         poses: Position of first touch at each instant, direction and rotation of the indenter.
         repeat: How often the history happens, one time after the other [-].
+        fall: Height from which the indenter falls on the cover [m]; 0 for given loads.  `loads` are its weight until a
+            simulation has recorded them, see `record_fall`.
     """
 
     name: str
@@ -86,6 +113,7 @@ class MovingCase:
     loads: tuple[float, ...]
     poses: tuple[Pose, ...]
     repeat: int = 1
+    fall: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -93,19 +121,20 @@ class MovingCase:
         return self.repeat * self.times[-1]
 
     @property
+    def heaviest(self) -> Case:
+        """Static press under the largest load, at the first place."""
+        return replace(self.make_state(self.poses[0], max(self.loads)), name=self.name)
+
+    @property
     def fastest(self) -> float:
         """Highest frequency that the history contains, 0.35 over its shortest change [Hz]; 0 if constant.
 
-        A change is one of the load, or a motion by a millimetre.  The bandwidth of a ramp is 0.35 over its rise time,
-        as for the response of a first-order system from 10 % to 90 %.
+        A change is one by the largest load, or a motion by a millimetre.  The bandwidth of a ramp is 0.35 over its rise
+        time, as for the response of a first-order system from 10 % to 90 %.
         """
-        changes = []
-        for k, (before, after) in enumerate(itertools.pairwise(self.times)):
-            if self.loads[k] != self.loads[k + 1]:
-                changes.append(after - before)
-            if way := math.dist(self.poses[k].point, self.poses[k + 1].point):
-                changes.append((after - before) * min(1.0, _MILLIMETRE / way))
-        return 0.35 / min(changes) if changes else 0.0
+        ways = [math.dist(one.point, other.point) for one, other in itertools.pairwise(self.poses)]
+        changes = np.maximum(np.abs(np.diff(self.loads)) / max(self.loads), np.array(ways) / _MILLIMETRE)
+        return float(0.35 * (changes / np.diff(self.times)).max())
 
     def divide(self, pitch: float) -> list[Curve]:
         """Divide the history into curves of static states; equal parts share a curve.
@@ -113,7 +142,7 @@ class MovingCase:
         Args:
             pitch: Distance of the texels [m].
         """
-        return [self._place_states(*key, pitch) for key in dict.fromkeys(self._keys())]
+        return [self._place_states(run, pitch) for run in self.find_runs()[0]]
 
     def sample(self, rate: float) -> Samples:
         """Sample the history.
@@ -124,39 +153,55 @@ class MovingCase:
         times = np.arange(math.floor(self.duration * rate + 1e-9) + 1) / rate
         within = np.where(times < self.duration, times % self.times[-1], self.times[-1])
         part = np.clip(np.searchsorted(self.times, within, side="right") - 1, 0, len(self.times) - 2)
-        start, end = np.array(self.times)[part], np.array(self.times)[part + 1]
-        done = (within - start) / (end - start)
-        loads = (1 - done) * np.array(self.loads)[part] + done * np.array(self.loads)[part + 1]
-        keys = list(self._keys())
-        order = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-        moves = np.array([before != after for before, after, *_ in keys])[part]
-        positions = np.where(moves, done, np.cbrt(loads / max(self.loads)))
-        return Samples(times, loads, np.array([order[key] for key in keys])[part], positions)
+        done = (within - np.array(self.times)[part]) / np.diff(self.times)[part]
+        loads = np.interp(within, self.times, self.loads)
+        curves, start, end = self.find_runs()[1][part].T
+        moves = end > start
+        positions = np.where(moves, start + done * (end - start), np.cbrt(loads / max(self.loads)))
+        return Samples(times, loads, curves.astype(int), positions, moves)
 
-    def _keys(self) -> Iterator[tuple[Pose, Pose, float, float]]:
-        """Yield poses and loads at the ends of each part; parts at a place where the load changes have equal keys."""
-        ends = list(zip(self.poses, self.poses[1:], self.loads, self.loads[1:], strict=False))
-        varied = {before for before, after, low, high in ends if before == after and low != high}
-        for before, after, low, high in ends:
-            is_ramp = before == after and before in varied
-            yield before, after, 0.0 if is_ramp else low, max(self.loads) if is_ramp else high
+    def find_runs(self) -> tuple[list[_Run], FloatArray]:
+        """Find the different runs.
 
-    def _place_states(self, before: Pose, after: Pose, low: float, high: float, pitch: float) -> Curve:
-        """Place the states of one curve, see `_keys`."""
-        most, least = max(self.loads), max(self.loads) / _LOADS**3
-        if before == after:
-            ends = [(high / most) ** (1 / 3)] if low == high else [k / _LOADS for k in range(1, _LOADS + 1)]
-            states = [(position, before, max(least, most * position**3)) for position in ends]
+        Returns:
+            The runs; and for each of n parts the number of its run and the shares of the way at start and end, shape
+            (n, 3) [-].
+        """
+        still = [one == other for one, other in itertools.pairwise(self.poses)]
+        steps = np.diff([pose.point for pose in self.poses], axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        bends = (steps[:-1] * steps[1:]).sum(axis=1) < _STRAIGHT * lengths[:-1] * lengths[1:]
+        varied = {self.poses[k] for k, stays in enumerate(still) if stays and self.loads[k] != self.loads[k + 1]}
+        runs: dict[_Run, int] = {}
+        parts: list[tuple[int, float, float]] = []
+        for k, stays in enumerate(still):
+            here, first = self.poses[k], len(parts)
+            if stays:
+                run = _Run((here,), (0.0, max(self.loads)) if here in varied else (self.loads[k],))
+            elif k + 1 == len(still) or still[k + 1] or bends[k]:
+                run = _Run(self.poses[first : k + 2], self.loads[first : k + 2])
+            else:
+                continue
+            number, ways = runs.setdefault(run, len(runs)), run.ways.tolist()
+            parts += [(number, *each) for each in itertools.pairwise(ways if len(ways) > 1 else [0.0, 0.0])]
+        return list(runs), np.array(parts)
+
+    def _place_states(self, run: _Run, pitch: float) -> Curve:
+        """Place the states of one curve."""
+        most, least, here = max(self.loads), max(self.loads) / _LOADS**3, run.poses[0]
+        if len(run.poses) == 1:
+            high = run.loads[-1]
+            ends = [(high / most) ** (1 / 3)] if len(run.loads) == 1 else [k / _LOADS for k in range(1, _LOADS + 1)]
+            states = [(position, here, max(least, most * position**3)) for position in ends]
         else:
-            start, way = np.array(before.point), np.subtract(after.point, before.point)
-            count = max(_FEWEST, math.ceil(float(np.linalg.norm(way)) / (_STEP * pitch)))
+            points = np.array([pose.point for pose in run.poses])
+            way = sum(math.dist(one, other) for one, other in itertools.pairwise(points.tolist()))
+            places = np.linspace(0, 1, max(_FEWEST, math.ceil(way / (_STEP * pitch))) + 1)
+            along = np.stack([np.interp(places, run.ways, values) for values in points.T], axis=1)
+            loads = np.maximum(least, np.interp(places, run.ways, run.loads))
             states = [
-                (
-                    k / count,
-                    replace(before, point=tuple((start + k / count * way).tolist())),
-                    max(least, low + k / count * (high - low)),
-                )
-                for k in range(count + 1)
+                (position, replace(here, point=tuple(point)), load)
+                for position, point, load in zip(places.tolist(), along.tolist(), loads.tolist(), strict=True)
             ]
         cases = tuple(self.make_state(pose, float(f"{load:.6g}")) for _, pose, load in states)
         return Curve(np.array([position for position, *_ in states]), cases)
@@ -204,7 +249,12 @@ def estimate_interpolation(curve: Curve, shares: FloatArray) -> float:
 
 
 def read_moving(
-    listed: Sequence[Any], places: Places, *, scale: float = 1.0, deepest: float | None = None
+    listed: Sequence[Any],
+    places: Places,
+    *,
+    scale: float = 1.0,
+    deepest: float | None = None,
+    folder: Path = Path(),
 ) -> tuple[list[MovingCase], list[str]]:
     """Read the tables `[[moving]]` of a campaign file; return the cases and all faults.
 
@@ -213,13 +263,14 @@ def read_moving(
         places: Places on the cover.
         scale: Factor on all loads [-].
         deepest: Depth over thickness to which the loads of a case are lowered; None for no limit [-].
+        folder: Folder of the files of histories.
     """
     cases: list[MovingCase] = []
     faults: list[str] = []
     for number, data in enumerate(listed):
         place = f"moving[{number}]"
         try:
-            case = _read_case(data, number, places)
+            case = _read_case(data, number, places, folder)
         except InputError as error:
             faults += error.faults
             continue
@@ -233,25 +284,49 @@ def read_moving(
 def _limit_loads(case: MovingCase, places: Places, scale: float, deepest: float | None) -> MovingCase:
     """Scale the loads of a case, and lower them by one factor where they press deeper than a share of the cover."""
     if deepest is not None:
-        most = replace(case.make_state(case.poses[0], max(case.loads)), load=scale * max(case.loads))
+        most = replace(case.heaviest, load=scale * max(case.loads))
         scale *= min(1.0, places.limit_load(most, deepest) / most.load)
     return case if scale == 1 else replace(case, loads=tuple(float(f"{scale * load:.2g}") for load in case.loads))
 
 
-def _read_case(data: Mapping[str, Any], number: int, places: Places) -> MovingCase:
+def _read_columns(data: Mapping[str, Any], place: str, folder: Path) -> dict[str, Any]:
+    """Read the file that a table names as history; return the keys of the table that it replaces."""
+    name = data.get("history") if isinstance(data, Mapping) else None
+    if not isinstance(name, str):
+        return {}
+    if twice := sorted({"time", "fall"} & set(data)):
+        raise InputError(f"{place}.{twice[0]}: the file of `history` states the instants; remove one of the two")
+    with at(f"{place}.history: "):
+        found = {key: values.tolist() for key, values in read_history(folder / check_below(name)).items()}
+    keys = {
+        key: [f"{value!r} {unit}" for value in found[key]]
+        for key, unit in (("time", "s"), ("load", "N"))
+        if key in found
+    }
+    if "x" in found:
+        keys["at"] = [f"{x!r}m,{y!r}m" for x, y in zip(found["x"], found["y"], strict=True)]
+    return keys
+
+
+def _read_case(data: Mapping[str, Any], number: int, places: Places, folder: Path) -> MovingCase:
     """Read one table `[[moving]]`."""
     place = f"moving[{number}]"
+    if columns := _read_columns(data, place, folder):
+        data = {**data, **columns}
     table = parse(data, MovingTable, place=("moving", number))
     texts = {key: text for key in ("yaw", "tilt") if (text := getattr(table, key)) is not None}
-    found = [places.find(places.parse({"at": at, **texts}, f"{place}.")) for at in table.at]
+    known = {each: places.find(places.parse({"at": each, **texts}, f"{place}.")) for each in dict.fromkeys(table.at)}
+    found = [known[text] for text in table.at]
     count = len(table.time)
     loads, poses = list(table.load), found
     loads, poses = loads * (count if len(loads) == 1 else 1), poses * (count if len(poses) == 1 else 1)
     for key, given in (("load", len(loads)), ("at", len(poses))):
         if given != count:
             raise InputError(f"{place}.{key}: {given} values for {count} instants; give one for each, or one value")
-    if len(set(poses)) > 1 and not all(pose.is_planar for pose in poses):
-        raise InputError(f"{place}.at: motions along a curved cover are not computed; give one place")
+    if (len(set(poses)) > 1 or table.fall) and not all(pose.is_planar for pose in poses):
+        raise InputError(
+            f"{place}.at: motions along a curved cover and falls on it are not computed; give one place and loads"
+        )
     if table.repeat > 1 and (loads[0] != loads[-1] or poses[0] != poses[-1]):
         raise InputError(f"{place}.repeat: the history must end with the load and the place with which it begins")
     if table.repeat * table.time[-1] > LONGEST_HISTORY:
@@ -261,7 +336,7 @@ def _read_case(data: Mapping[str, Any], number: int, places: Places) -> MovingCa
     far = sum(math.dist(one.point, other.point) for one, other in itertools.pairwise(poses))
     if far > _FARTHEST:
         raise InputError(f"{place}.at: the motion is {far:.3g} m long; at most {_FARTHEST:g} m are computed")
-    return MovingCase(
+    case = MovingCase(
         name=table.name,
         indenter=table.indenter,
         shape=data["indenter"],
@@ -269,4 +344,8 @@ def _read_case(data: Mapping[str, Any], number: int, places: Places) -> MovingCa
         loads=tuple(loads),
         poses=tuple(poses),
         repeat=table.repeat,
+        fall=table.fall or 0.0,
     )
+    if (count := len(case.find_runs()[0])) > _MOST_RUNS:
+        raise InputError(f"{place}.at: the way has {count} corners and stops; at most {_MOST_RUNS}; smooth the places")
+    return case

@@ -30,7 +30,11 @@ class MovingScore(Result):
         chain: What the model does in time, in words.
         error: Root mean square over time of the difference from the true texel forces, over that of the true ones [-].
         misplaced: Share of the force on wrong texels, both forces scaled to their own sum, so that a delay of the sum
-            does not count; mean over the instants at which both have at least 5 % of the largest true force [-].
+            does not count; mean over the instants at which both have at least 5 % of the largest true force, without
+            those of `touching` and `sliding` [-]; NaN without such instants.
+        misplaced_high: The same: 95 % of these instants have at most this share [-].
+        touching: The same, mean over the instants within 20 ms of one at which contact is made or lost [-].
+        sliding: The same, mean over the other instants at which the place changes [-].
         delay: Shift in time at which the frames are closest to the model's own forces without filter and frames [s];
             NaN for empty images.
         overshoot: Largest total force over the largest true one, minus 1 [-].
@@ -44,6 +48,9 @@ class MovingScore(Result):
     chain: str
     error: Annotated[Number, Column(heading="error", unit="%", factor=100, meaning="rms over time, of the true rms")]
     misplaced: Annotated[Number, Column(heading="misplaced", unit="%", factor=100, meaning="at equal sums")]
+    misplaced_high: Annotated[Number, Column(heading="95 %", unit="%", factor=100, meaning="95 % of instants below")]
+    touching: Annotated[Number, Column(heading="touching", unit="%", factor=100, meaning="contact made or lost")]
+    sliding: Annotated[Number, Column(heading="sliding", unit="%", factor=100, meaning="misplaced in a slide")]
     delay: Annotated[Number, Column(heading="delay", unit="ms", factor=1e3, meaning="of filter and frames")]
     overshoot: Annotated[Number, Column(heading="overshoot", unit="%", factor=100, meaning="of the largest sum")]
     latency: Annotated[Number, Column(heading="latency", unit="ms", factor=1e3, meaning="touch to frame, mean")]
@@ -63,7 +70,7 @@ class MovingResult(Result):
         resonance: First shear resonance of the cover; its inertia is negligible below a tenth of it [Hz].
         warnings: Sentences about reasons not to rely on the case.
         scores: Scores of all models.
-        times: Instants of the series, shape (k,) [s].
+        times: Instants of the series, at most 500 that are equally spaced, shape (k,) [s].
         totals: Total force on the texels over time by model, shape (k,) each [N]; `truth` is the reference.
     """
 
@@ -89,8 +96,10 @@ def measure_error(true: FloatArray, found: FloatArray) -> float:
     return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
-def measure_misplaced(true: FloatArray, found: FloatArray) -> float:
-    """Compute the mean share of the force on wrong texels, both forces scaled to their sums [-]; NaN if all is faint.
+def measure_misplaced(true: FloatArray, found: FloatArray) -> FloatArray:
+    """Compute the share of the force on wrong texels at each instant, both forces scaled to their sums, shape (k,) [-].
+
+    The share is NaN where one of the sums is below 5 % of the largest true one.
 
     Args:
         true: True forces on the texels and outside, shape (k, n + 1) [N].
@@ -98,10 +107,18 @@ def measure_misplaced(true: FloatArray, found: FloatArray) -> float:
     """
     sums = np.array([true.sum(axis=1), found.sum(axis=1)])
     strong = (sums > _FAINT * sums[0].max()).all(axis=0)
-    if not strong.any():
-        return float("nan")
     one, other = (each[strong] / total[strong, None] for each, total in zip((true, found), sums, strict=True))
-    return float(0.5 * np.abs(one - other).sum(axis=1).mean())
+    shares = np.full(len(true), np.nan)
+    shares[strong] = 0.5 * np.abs(one - other).sum(axis=1)
+    return shares
+
+
+def average(shares: FloatArray, level: float | None = None) -> float:
+    """Return the mean of the numbers that are not NaN, or their quantile at a level; NaN if there is none."""
+    known = shares[np.isfinite(shares)]
+    if not len(known):
+        return float("nan")
+    return float(known.mean() if level is None else np.quantile(known, level))
 
 
 def measure_delay(given: FloatArray, found: FloatArray, step: float) -> float:

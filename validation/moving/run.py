@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,13 +13,15 @@ from fem_reference import ConvergenceError
 from meshes.array_types import BoolArray, FloatArray
 from validation.campaign.case import Case
 from validation.campaign.plan import OutOfBudgetError, check_budget
-from validation.campaign.results import OUT_OF_BUDGET
+from validation.campaign.results import OUT_OF_BUDGET, SkippedCase
+from validation.errors import InputError
 from validation.moving.history import Curve, MovingCase, Samples, estimate_interpolation, interpolate
 from validation.moving.inertia import find_resonance, warn_of_inertia
 from validation.moving.results import (
     TRUTH,
     MovingResult,
     MovingScore,
+    average,
     measure_delay,
     measure_error,
     measure_misplaced,
@@ -33,6 +37,10 @@ if TYPE_CHECKING:
 
 #: Samples per second of all signals before the frames, as many as MuJoCo takes with its usual step of 1 ms [Hz].
 RATE = 1000.0
+#: Time from an instant at which contact is made or lost, within which an instant is listed apart [s].
+_NEAR = 0.02
+#: Largest number of instants in the series of a result, and decimals of the forces there [-].
+_MOST_SHOWN, _DIGITS = 500, 6
 #: Null model: the truth through the sensor's filter and frames.
 EXACT = "exact spread"
 #: Null model: the truth, sampled by the frames and held.
@@ -57,9 +65,23 @@ class _Chain(NamedTuple):
     apply: Callable[[FloatArray, float], FloatArray]
 
 
+class Moved(NamedTuple):
+    """Results of the moving cases of a campaign.
+
+    Attributes:
+        results: One result per scored case.
+        skipped: The cases without scores.
+        interrupted: Whether the run was interrupted.
+    """
+
+    results: tuple[MovingResult, ...] = ()
+    skipped: tuple[SkippedCase, ...] = ()
+    interrupted: bool = False
+
+
 def run_moving(
     bench: Bench, cases: Sequence[MovingCase], progress: Progress | None = None, *, budget: Budget | None = None
-) -> tuple[tuple[MovingResult, ...], tuple[str, ...]]:
+) -> Moved:
     """Compute moving cases by the finite elements and all models, and score the models.
 
     Args:
@@ -67,33 +89,71 @@ def run_moving(
         cases: The moving cases.
         progress: Called before each static press with (number done, number of all, name of the case).
         budget: Time that all cases may take; None for no limit.
-
-    Returns:
-        The results; and a line for each case that a model cannot compute, or that was stopped, with the reason.
     """
-    results, faults, done = [], [], 0
+    results: list[MovingResult] = []
+    skipped: list[SkippedCase] = []
+    cases = list(_record_falls(cases, bench.parameters, skipped))
     divided = [case.divide(min(bench.parameters.array.pitch)) for case in cases]
     listed = [list(dict.fromkeys(state for curve in curves for state in curve.cases)) for curves in divided]
-    for case, curves, states in zip(cases, divided, listed, strict=True):
+    done, count = 0, sum(map(len, listed))
+
+    def report(line: str) -> None:
+        check_budget(budget)
+        if progress:
+            progress(done, count, line)
+
+    for number, (case, curves, states) in enumerate(zip(cases, divided, listed, strict=True)):
         solved: dict[Case, CaseResult] = {}
         try:
             if bench.comparison is not None:
                 bench.comparison.check_unseen(states)
             for state in states:
-                check_budget(budget)
-                if progress:
-                    progress(done + len(solved), sum(map(len, listed)), state.name)
-                solved[state] = bench.solve(state)
+                report(state.name)
+                solved[state] = bench.solve(state, report)
+                done += 1
             results.append(score_moving(bench, case, curves, solved))
         except (ValueError, ConvergenceError) as error:
-            faults.append(f"moving case {case.name!r}: {error}")
+            converged = not isinstance(error, ConvergenceError)
+            skipped.append(SkippedCase.of(case.heaviest, str(error), converged=converged))
         except OutOfBudgetError:
-            faults.append(f"moving case {case.name!r}: {OUT_OF_BUDGET}")
+            skipped.append(SkippedCase.of(case.heaviest, OUT_OF_BUDGET))
         except KeyboardInterrupt:
-            faults.append(f"moving case {case.name!r} and those after it: interrupted")
-            break
-        done += len(states)
-    return tuple(results), tuple(faults)
+            skipped += [SkippedCase.of(each.heaviest, "interrupted") for each in cases[number:]]
+            return Moved(tuple(results), tuple(skipped), interrupted=True)
+        done = sum(map(len, listed[: number + 1]))
+    return Moved(tuple(results), tuple(skipped))
+
+
+def _record_falls(
+    cases: Sequence[MovingCase], parameters: Parameters, skipped: list[SkippedCase]
+) -> Iterator[MovingCase]:
+    """Yield the cases with recorded falls; those that miss the array are skipped."""
+    for case in cases:
+        try:
+            yield record_fall(case, parameters) if case.fall else case
+        except ValueError as error:
+            skipped.append(SkippedCase.of(case.heaviest, str(error)))
+
+
+def record_fall(case: MovingCase, parameters: Parameters) -> MovingCase:
+    """Let the indenter of a case fall on the fast model in MuJoCo; return the case with the force of its contacts.
+
+    Only MuJoCo knows this force: it follows from the softness of its contacts, not from the cover.
+
+    Raises:
+        InputError: If the indenter does not fall on the array.
+    """
+    from fastmodel.bench import TIMESTEP, Bench, Placement
+
+    state = case.heaviest.turned
+    place = Placement(indenter=state.indenter, load=state.load, at=state.pose.at, yaw=state.pose.yaw)
+    steps = math.floor(case.times[-1] / TIMESTEP + 1e-9)
+    readings = Bench(parameters, [place]).drop([(*place.at, place.yaw)], case.fall, steps)
+    loads = (0.0, *(each.carried for each in readings))
+    if not any(loads):
+        raise InputError("the indenter falls beside the array; change its place")
+    times = tuple((TIMESTEP * np.arange(len(loads))).tolist())
+    return replace(case, times=times, loads=loads, poses=case.poses[:1] * len(loads))
 
 
 def score_moving(
@@ -113,26 +173,32 @@ def score_moving(
         model: samples.loads[:, None] * _interpolate(samples, curves, [each[model] for each in shares])
         for model in shares[0]
     }
-    true, rows = series[TRUTH], _list_chains(bench, [*shares[0]])
+    true, rows, rate = series[TRUTH], _list_chains(bench, [*shares[0]]), bench.parameters.electronics.rate_hz
+    near = find_touches(samples.loads)
     scores, totals = [], {TRUTH: true[:, :-1].sum(axis=1)}
     for row in rows:
         passed = row.apply(series[row.model], 1 / RATE)
-        found = hold(passed, bench.parameters.electronics.rate_hz)
-        latency = find_latency(bench.parameters, true, passed)
+        found = hold(passed, rate)
+        latency, misplaced = find_latency(bench.parameters, true, passed), measure_misplaced(true, found)
+        guided = misplaced[~near & ~samples.moves]
         scores.append(
             MovingScore(
                 case=case.name,
                 model=row.title,
                 chain=row.words,
                 error=measure_error(true[:, :-1], found[:, :-1]),
-                misplaced=measure_misplaced(true, found),
+                misplaced=average(guided),
+                misplaced_high=average(guided, 0.95),
+                touching=average(misplaced[near]),
+                sliding=average(misplaced[~near & samples.moves]),
                 delay=measure_delay(series[row.model][:, :-1], found[:, :-1], 1 / RATE),
                 overshoot=round(float(found[:, :-1].sum(axis=1).max() / true[:, :-1].sum(axis=1).max()) - 1, 9),
-                latency=latency + 0.5 / bench.parameters.electronics.rate_hz,
-                latency_worst=latency + 1 / bench.parameters.electronics.rate_hz,
+                latency=latency + 0.5 / rate,
+                latency_worst=latency + 1 / rate,
             )
         )
         totals[row.title] = found[:, :-1].sum(axis=1)
+    kept = slice(None, None, math.ceil(len(true) / _MOST_SHOWN))
     return MovingResult(
         name=case.name,
         indenter=case.shape,
@@ -142,11 +208,36 @@ def score_moving(
         ),
         fastest=case.fastest,
         resonance=resonance,
-        warnings=warn_of_inertia(case.fastest, resonance),
+        warnings=tuple(_list_limits(bench, case, samples, resonance)),
         scores=tuple(scores),
-        times=samples.times,
-        totals=totals,
+        times=samples.times[kept],
+        totals={model: np.round(total[kept], _DIGITS) for model, total in totals.items()},
     )
+
+
+def _list_limits(bench: Bench, case: MovingCase, samples: Samples, resonance: float) -> Iterator[str]:
+    """Yield sentences about what counts in a case and is not computed."""
+    yield from warn_of_inertia(case.fastest, resonance)
+    if case.fall:
+        yield "the load is that of MuJoCo's contacts, which the cover does not determine: spread and chain are scored"
+    if bench.friction and samples.moves.any():
+        yield "the indenter slides: its friction, which is computed for a press, has another direction then"
+    if bench.friction and (np.diff(samples.loads) < 0).any():
+        yield "the load falls: with friction the slip of unloading is not computed"
+    if count := np.count_nonzero(np.diff(samples.loads > 0)):
+        yield f"contact is made or lost {count} times: adhesion is not computed, and these moments are listed apart"
+
+
+def find_touches(loads: FloatArray) -> BoolArray:
+    """Find the samples within 20 ms of one at which contact is made or lost, shape (k,).
+
+    Args:
+        loads: Load at each sample, shape (k,) [N].
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    changes = np.diff(loads > 0, prepend=loads[0] > 0)
+    return np.asarray(maximum_filter1d(changes, 2 * round(_NEAR * RATE) + 1, mode="constant"))
 
 
 def hold(forces: FloatArray, frames_per_second: float) -> FloatArray:

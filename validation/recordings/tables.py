@@ -215,6 +215,25 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
     return table.get_column("time"), forces
 
 
+def read_history(path: str | Path) -> dict[str, FloatArray]:
+    """Read the CSV file of a history: the column `time` [s], and `load` or `force` [N], or `x` and `y` [m], or all.
+
+    Returns:
+        Numbers by column, `time` from zero on, `force` as `load`, shape (k,) each [s, N, m].
+
+    Raises:
+        RecordingError: If the file cannot be read, or has other columns; the message names the line.
+    """
+    table = _read_table(Path(path))
+    found = {"load" if name == "force" else name: table.get_column(name) for name in table.header}
+    if set(found) not in ({"time", "load"}, {"time", "x", "y"}, {"time", "load", "x", "y"}) or not len(table.values):
+        raise RecordingError(
+            f"{path}: columns {', '.join(table.header)[:80]}, {len(table.values)} lines; expected `time` [s] and "
+            "`load` [N] or `x` and `y` [m] or all, and a line for each instant"
+        )
+    return found | {"time": found["time"] - found["time"][0]}
+
+
 def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
     """Write one array of a recording as a CSV file that `read` reads.
 

@@ -30,8 +30,8 @@ _WIDTHS = 4e-3, 4.4e-3
 _ORDER, _CUTOFF, _DELAY, _STEP, _FRAMES = 2, 12.0, 4e-3, 1.0013, 271.0
 #: Times under load at which creep is guarded [s].
 _AGES = 1.0, 2.0, 10.0, 100.0
-#: Samples of the made-up case whose forces are guarded: the rise, the fall, the slide and the end [-].
-_SHOWN = [80, 200, 450, 650]
+#: Shown instants of the made-up case whose forces are guarded: the rise, the fall, the slide and the end [-].
+_SHOWN = [40, 100, 225, 325]
 
 
 def measure_time(subject: Subject) -> Readings:  # noqa: ARG001 -- the experiments are fixed
@@ -84,7 +84,8 @@ def _score_made_up() -> Readings:
     curves = case.divide(parameters.array.pitch[0])
     result = score_moving(bench, case, curves, {state: solve(state) for curve in curves for state in curve.cases})
     (fast,) = (each for each in result.scores if each.model == "fast")
-    shares = {"error": fast.error, "misplaced": fast.misplaced, "overshoot": fast.overshoot}
+    names = ("error", "misplaced", "misplaced_high", "touching", "sliding", "overshoot")
+    shares = {name: getattr(fast, name) for name in names}
     totals = {model: result.totals[model][_SHOWN].tolist() for model in ("truth", "fast")}
     return {
         "force on the texels of a moving case": read(totals, "N", "0.2 % of each"),

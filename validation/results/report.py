@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from meshes.bounded_file import FileLimitError, parse_json, read_bytes
-from validation.campaign.results import CampaignResult
+from validation.campaign.results import CampaignResult, SkippedCase
 from validation.credibility.evidence import Evidence
 from validation.data_sets.results import RecordingScores
 from validation.errors import InputError
@@ -55,6 +55,7 @@ class Report(RecordingReport):
         evidence: Code and solution verification, effect of uncertain inputs, error of each stage of the fast model, and
             the range of the cases.
         moving: Results of the cases that change in time.
+        not_moved: Those of them that have no scores.
     """
 
     campaign_file: JsonObject
@@ -64,6 +65,7 @@ class Report(RecordingReport):
     campaign: CampaignResult
     evidence: Evidence
     moving: tuple[MovingResult, ...] = ()
+    not_moved: tuple[SkippedCase, ...] = ()
 
 
 def read_report(path: Path | str) -> Report | RecordingReport:

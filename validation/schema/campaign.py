@@ -23,7 +23,7 @@ _MOST_LOADS = 100
 #: Largest accepted number of cases in a campaign file [-].
 _MOST_CASES = 1000
 #: Largest accepted number of moving cases, and of instants of one of them [-].
-_MOST_MOVING, _MOST_INSTANTS = 50, 10_000
+_MOST_MOVING, _MOST_INSTANTS = 50, 20_001
 #: Shortest part of a history, the interval of its samples, less rounding [s].
 _SHORTEST_PART = 1e-3 - 1e-9
 #: Longest history of a moving case, with its repetitions [s], and its largest load [N].
@@ -200,6 +200,8 @@ class CaseTable(Table):
                 yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"
 
 
+#: Standard gravity, for the time of a fall [m/s2].
+_GRAVITY = 9.80665
 _Instant = Annotated[float, types.quantity("time", positive=False, most=LONGEST_HISTORY)]
 _LoadOrNone = Annotated[float, types.quantity("force", positive=False, most=_LARGEST_LOAD)]
 
@@ -212,8 +214,10 @@ class MovingTable(Table):
     Attributes:
         name: Short name, unique among the moving cases.
         indenter: Rigid body that presses on the cover.
+        history: CSV file beside the campaign file with time and load or place, instead of these keys.
         time: Ascending instants, the first one is zero.
         load: Load at each instant, or one load.
+        fall: Height from which a body, whose weight is the load, falls on the cover in MuJoCo.
         at: Place at each instant, named or as coordinates of the indenter's axis, or one place.
         yaw: Rotation of the indenter about its axis.
         tilt: Rotations about the x and y axes of the indenter's frame.
@@ -222,8 +226,12 @@ class MovingTable(Table):
 
     name: types.Name = Field(examples=["tap"])
     indenter: types.Indenter = Field(examples=["sphere:radius=5mm"])
-    time: Annotated[list[_Instant], Field(min_length=2, max_length=_MOST_INSTANTS)]
-    load: Annotated[list[_LoadOrNone], types.OneOrMore(), Field(min_length=1, max_length=_MOST_INSTANTS)]
+    history: str | None = None
+    time: Annotated[list[_Instant], Field(min_length=2, max_length=_MOST_INSTANTS)] = Field(default=[])
+    load: Annotated[list[_LoadOrNone], types.OneOrMore(), Field(min_length=1, max_length=_MOST_INSTANTS)] = Field(
+        default=[]
+    )
+    fall: Annotated[float, types.quantity("length")] | None = None
     at: Annotated[list[str], types.OneOrMore()] = Field(default=["centre"], min_length=1, max_length=_MOST_INSTANTS)
     yaw: str | None = None
     tilt: str | None = None
@@ -231,6 +239,18 @@ class MovingTable(Table):
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield faults of the instants and of the loads."""
+        if missing := [key for key in ("time", "load") if not getattr(self, key)]:
+            yield missing[0], "is missing; give it here, or in a CSV file that `history` names"
+            return
+        if self.fall is not None:
+            needed = (2 * self.fall / _GRAVITY) ** 0.5
+            if len(self.time) > 2 or len(self.load) > 1 or len(self.at) > 1 or self.repeat > 1:  # noqa: PLR2004
+                yield (
+                    "fall",
+                    "a body falls once, with one weight at one place: give two instants, one load and one place",
+                )
+            elif self.time[-1] <= needed:
+                yield "time[1]", f"the fall lasts {needed:.3g} s; end the history later"
         if self.time[0] != 0:
             yield "time[0]", "the history must begin at 0 s"
         for k, (before, after) in enumerate(itertools.pairwise(self.time), 1):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterator
-from pathlib import PureWindowsPath
+from functools import partial
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
@@ -62,20 +62,14 @@ def _check_window(value: list[float]) -> tuple[float, float]:
     return value[0], value[1]
 
 
-def _check_below(value: str) -> str:
-    """Refuse a path or pattern that is absolute or holds `..`, on any system: the command line names folders."""
-    path = PureWindowsPath(value)  # it knows `/`, too
-    if path.anchor or ".." in path.parts:
-        raise ValueError(f"must lie below the folder of the file, not {shorten(value)}; or name it with --recordings")
-    return value
-
-
 def _read_selection(value: object, read_table: Callable[[Any], Any]) -> Any:  # noqa: ANN401 -- a table
     return read_table({"series": value} if isinstance(value, str) else value)
 
 
 _Text = Annotated[str, Field(strict=True)]
-_Path = Annotated[str, Field(strict=True), AfterValidator(_check_below)]
+_Path = Annotated[
+    str, Field(strict=True), AfterValidator(partial(types.check_below, remedy="; or name it with --recordings"))
+]
 _Load = Annotated[float, types.Read(_read_load)]
 _AnyLoad = Annotated[float | str, types.Read(lambda value: value if value in (LABELS, FORCE) else _read_load(value))]
 _Position = Annotated[tuple[float, float] | str, _fitted_or_pair("length", '["1.7 mm", "-3.4 mm"]')]

@@ -10,6 +10,7 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import PureWindowsPath
 from typing import Annotated, Any, get_args
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, create_model
@@ -193,6 +194,14 @@ def quantity(kind: Kind, *, positive: bool = True, most: float | None = None) ->
         return number
 
     return Read(convert, {"type": "string", "pattern": _NUMBER_WITH_UNIT, "description": f"{kind} with its unit"})
+
+
+def check_below(value: str, remedy: str = "") -> str:
+    """Refuse a path or pattern that is absolute or holds `..`, on any system: the command line names folders."""
+    path = PureWindowsPath(value)  # it knows `/`, too
+    if path.anchor or ".." in path.parts:
+        raise ValueError(f"must lie below the folder of the file, not {shorten(value)}{remedy}")
+    return value
 
 
 def choice(*names: str) -> Read:

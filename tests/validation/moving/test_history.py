@@ -85,6 +85,9 @@ def test_the_interpolation_is_exact_for_cubics_and_constant_below_the_first_stat
         ({"indenter": "ball:radius=5mn"}, "moving[0].indenter"),
         ({"speed": "1 mm/s"}, "moving[0].speed: unknown key"),
         ({"yaw": "45"}, "yaw"),
+        ({"fall": "3 mm"}, "moving[0].fall: a body falls once"),
+        ({"fall": "3 mm", "load": "1 N", "time": ["0 s", "20 ms"]}, "the fall lasts 0.0247 s; end the history later"),
+        ({"fall": "-3 mm", "load": "1 N"}, "moving[0].fall"),
     ],
 )
 def test_a_fault_is_one_line_with_its_place_and_costs_its_case(changes, words):
@@ -92,6 +95,71 @@ def test_a_fault_is_one_line_with_its_place_and_costs_its_case(changes, words):
     assert [case.name for case in cases] == ["other"]
     assert len(faults) == 1
     assert words in faults[0]
+
+
+def write(folder, text):
+    (folder / "h.csv").write_text(text)
+    return {key: value for key, value in TAP.items() if key not in ("time", "load")} | {"history": "h.csv"}
+
+
+def read_in(folder, table):
+    found = parse_campaign({"moving": [table]}, PLACES, source="file", folder=folder)
+    return found.moving, found.left_out
+
+
+def test_a_file_of_loads_is_the_history(tmp_path):
+    """A force sensor's file in milliseconds since its start; other keys of the table remain."""
+    (case,), _ = read_in(tmp_path, write(tmp_path, "time_ms,force\n5000,0\n5010,2.5\n5040,1\n") | {"at": "1mm,2mm"})
+    assert case.times == pytest.approx((0.0, 0.01, 0.04))
+    assert case.loads == (0.0, 2.5, 1.0)
+    assert {pose.at for pose in case.poses} == {(1e-3, 2e-3)}
+    assert case.fastest == pytest.approx(0.35 / 0.01)
+
+
+def test_a_recorded_way_is_one_curve_between_its_corners_and_its_speed_changes_nothing(tmp_path):
+    """A quarter of a circle of 6 mm at varying speed, and back along the chord: two curves."""
+    times = np.arange(301) / 300
+    angles = 0.5 * np.pi * times**2
+    rows = [f"{t},2,{6e-3 * np.cos(a)},{6e-3 * np.sin(a)}" for t, a in zip(times, angles, strict=True)]
+    (case,), faults = read_in(tmp_path, write(tmp_path, "\n".join(["time,load,x,y", *rows, "1.5,2,6e-3,0"])))
+    assert not faults
+    arc, chord = case.divide(2e-3)
+    assert [len(arc.cases), len(chord.cases)] == [20, 18]
+    radii = [np.hypot(*state.pose.at) for state in arc.cases]
+    assert radii == pytest.approx([6e-3] * 20, rel=1e-4)
+    samples = case.sample(300.0)
+    assert samples.positions[150] == pytest.approx(0.25, abs=1e-3)
+    assert samples.moves[150]
+    assert samples.curves[[10, 440]].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("text", "changes", "words"),
+    [
+        ("time,load\n0,1\n2,1\n1,1\n", {}, "line 4: time 1 s comes before 2 s"),
+        ("time,load\n0,1\n0.1,-1\n", {}, "moving[0].load[1]"),
+        ("time,load\n0,1\n0.1,x\n", {}, "line 3: not a number"),
+        ("time,load\n0,1\n0.0005,1\n", {}, "at least 1 ms"),
+        ("time,load\n", {}, "expected `time` [s] and `load` [N]"),
+        ("time,depth\n0,1\n", {}, "columns time, depth"),
+        ("time,load\n0,1\n1,1\n", {"history": "no.csv"}, "no.csv"),
+        ("time,load\n0,1\n1,1\n", {"history": "../h.csv"}, "moving[0].history: must lie below the folder of the file"),
+        ("time,load\n0,1\n1,1\n", {"time": ["0 s", "1 s"]}, "remove one of the two"),
+        ("time,x,y\n0,0,0\n1,1e-3,0\n", {}, "moving[0].load: is missing"),
+    ],
+)
+def test_a_fault_in_a_file_is_one_line(tmp_path, text, changes, words):
+    table = write(tmp_path, text) | changes
+    found = parse_campaign({"moving": [table, TAP | {"name": "other"}]}, PLACES, source="file", folder=tmp_path)
+    assert len(found.left_out) == 1
+    assert words in found.left_out[0]
+    assert found.left_out[0].startswith("file: moving[0]")
+
+
+def test_a_way_with_many_corners_is_refused(tmp_path):
+    rows = [f"{0.01 * k},{1e-4 * (k % 2)},{1e-4 * k}" for k in range(150)]
+    _, (fault,) = read_in(tmp_path, write(tmp_path, "\n".join(["time,x,y", *rows])) | {"load": "1 N"})
+    assert "149 corners" in fault
 
 
 def test_loads_are_lowered_as_those_of_other_cases():
@@ -113,7 +181,8 @@ def test_two_cases_of_one_name_are_refused():
 def test_the_built_in_campaigns_read_without_a_fault():
     moving = read_campaign(Path("moving"), PLACES)
     assert not moving.left_out
-    assert len(moving.moving) == 7
+    assert len(moving.moving) == 9
+    assert [case.fall for case in moving.moving if case.fall] == [3e-3, 3e-3]
     assert {case.repeat for case in moving.moving} == {1, 3, 10, 25}
     report = read_campaign(Path("report-2015"), PLACES)
     assert not report.left_out

@@ -145,6 +145,7 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any
         found = api.validate(sensor, out=out, progress=progress, announce=output.say, **chosen)
     # This module needs the finite elements; `api.validate` names all missing packages at once.
     from validation.campaign.evaluation import Evaluation
+    from validation.campaign.results import OUT_OF_BUDGET
 
     if json:
         output.print_json(found.report.as_json())
@@ -159,19 +160,17 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any
     if isinstance(found, Evaluation):
         if found.campaign.interrupted:
             return INTERRUPTED
-        if not all(each.converged for each in found.campaign.skipped):
+        if not all(each.converged for each in (*found.campaign.skipped, *found.not_moved)):
             return NOT_CONVERGED
-        if found.plan.left_out or found.not_moved:
+        if found.plan.left_out or any(each.reason != OUT_OF_BUDGET for each in found.not_moved):
             return BAD_INPUT
     return DONE if found.verdict.accepted else CHECK_FAILED
 
 
 def _tell_problems(evaluation: Evaluation) -> None:
     """Print the cases without scores and the warnings, each on one line."""
-    for each in evaluation.campaign.skipped:
+    for each in (*evaluation.campaign.skipped, *evaluation.not_moved):
         output.say(f"not scored: {each.name} ({each.indenter}, {each.load:.3g} N): {each.reason}")
-    for line in evaluation.not_moved:
-        output.say(f"not scored: {line}")
     for moved in evaluation.moving:
         for sentence in moved.warnings:
             output.say(f"softcover: warning: {moved.name}: {sentence}")
@@ -234,7 +233,7 @@ def _tabulate_moving(results: Sequence[MovingResult]) -> Table:
     from validation.render.table import tabulate
 
     fast = [score for result in results for score in result.scores if score.model == "fast"]
-    shown = ("case", "error", "misplaced", "delay", "latency")
+    shown = ("case", "error", "misplaced", "touching", "sliding", "delay", "latency")
     return tabulate("moving", "Fast model in cases that change in time", fast, MovingScore, shown)
 
 

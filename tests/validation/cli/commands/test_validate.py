@@ -3,10 +3,15 @@ import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from tests.support.recordings import RECORDINGS
+from validation.campaign.bench import LayeredBench
+from validation.campaign.plan import OutOfBudgetError
+from validation.campaign.results import OUT_OF_BUDGET
+from validation.moving import run
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
@@ -53,6 +58,29 @@ def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path,
     assert out.splitlines()[-1].startswith("verdict: NOT DECIDED; fast model against finite elements, 1 of 3 cases: ")
     scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert [case["name"] for case in scores["campaign"]["cases"]] == ["ball"]
+
+
+TAP = "[[moving]]\nname = 'tap'\nindenter = 'sphere:radius=4mm'\ntime = ['0 s', '0.1 s']\nload = ['0 N', '1 N']\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("stop", "status", "why"), [(KeyboardInterrupt, 130, "interrupted"), (OutOfBudgetError, 1, OUT_OF_BUDGET)]
+)
+def test_a_stopped_moving_case_ends_as_any_other(softcover, monkeypatch, stop, status, why):
+    """One case does not decide (1); nothing further is computed after an interruption."""
+
+    def refuse(*_arguments):
+        raise stop
+
+    checked = []
+    monkeypatch.setattr(run, "score_moving", refuse)
+    monkeypatch.setattr(LayeredBench, "verify", lambda *_: checked.append(1) or iter(()))
+    Path("mine.toml").write_text(BALL + TAP)
+    found, _, err = softcover("validate", "wts-0614-34", "--campaign", "mine.toml")
+    assert found == status
+    assert f"not scored: tap (sphere:radius=4mm, 1 N): {why}" in err
+    assert bool(checked) == (status == 1)
 
 
 #: Number of cases of a campaign that is stopped.
