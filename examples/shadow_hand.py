@@ -97,6 +97,8 @@ class Hand:
     Args:
         parameters: A sensor; every array here has its pitch, cover and electronics.
         method: Contact method by name.
+        rate: Frames per second of each array [Hz].
+        timestep: Time step of the physics [s].
 
     Attributes:
         model: The compiled model.
@@ -104,10 +106,17 @@ class Hand:
         sensors: The sensors by the name of their link, in the order of `MOUNTS`.
     """
 
-    def __init__(self, parameters: fastmodel.Parameters, *, method: str = "default") -> None:
+    def __init__(
+        self,
+        parameters: fastmodel.Parameters,
+        *,
+        method: str = "default",
+        rate: float = RATE_HZ,
+        timestep: float = TIMESTEP,
+    ) -> None:
         spec = load_hand()
         fastmodel.recommend_options(spec)
-        spec.option.timestep = TIMESTEP
+        spec.option.timestep = timestep
         spec.visual.global_.offheight, spec.visual.global_.offwidth = PICTURE_SIZE
         add_forearm_joint(spec)
         add_grip(spec)
@@ -115,7 +124,7 @@ class Hand:
             mount.link: fastmodel.attach(
                 spec,
                 PREFIX + mount.link,
-                resize(parameters, mount),
+                resize(parameters, mount, rate),
                 name=mount.link,
                 position=mount.position,
                 quaternion=PALMAR,
@@ -209,11 +218,11 @@ def add_grip(spec: mujoco.MjSpec) -> None:
         )
 
 
-def resize(parameters: fastmodel.Parameters, mount: Mount) -> fastmodel.Parameters:
+def resize(parameters: fastmodel.Parameters, mount: Mount, rate: float) -> fastmodel.Parameters:
     """Give the same cover and electronics an array of another size.  The pitch must stay the same."""
     pitch, size = parameters.array.pitch, parameters.array.texel_size
     array = TexelArray.grid(mount.rows, mount.columns, pitch, texel_size=size, name=mount.link)
-    electronics = dataclasses.replace(parameters.electronics, rate_hz=RATE_HZ)
+    electronics = dataclasses.replace(parameters.electronics, rate_hz=rate)
     return dataclasses.replace(parameters, array=array, electronics=electronics, tables={})
 
 
