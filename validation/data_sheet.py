@@ -291,7 +291,8 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
     yield _make_entry(
         "creep",
         creep and f"{100 * creep:.3g} % in a factor e of time",
-        "growth of the reading under a constant load, 1 + c ln(t / 2 s)",
+        "growth of the reading under a constant load, 1 + c ln(t / 2 s); extrapolated before 1 s and after 14 s, "
+        "and not known after unloading",
         "needs recordings that hold a load (`softcover calibrate`)" if creep is None else source,
         {"creep_per_ln_time": creep},
     )

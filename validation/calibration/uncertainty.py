@@ -95,6 +95,25 @@ def estimate_mean(values: Sequence[float] | FloatArray, unit: str) -> Estimate |
     return Estimate.symmetric(float(known.mean()), float(half), unit, f"{len(known)} recordings")
 
 
+def predict_mean(values: FloatArray, groups: FloatArray, unit: str) -> Estimate | None:
+    """Estimate a mean with Student's interval for the mean of another group; None for fewer than three values.
+
+    Values of one group may have a common error, so that the interval follows from the spread of the means of the
+    groups.  With fewer than three groups it is that of independent values.
+
+    Args:
+        values: The values, NaN left out, shape (m,).
+        groups: Number of the group of each value, for example its load, shape (m,).
+        unit: Unit of the values.
+    """
+    known = np.isfinite(values)
+    means = np.array([values[known & (groups == group)].mean() for group in np.unique(groups[known])])
+    if len(means) < FEWEST_RECORDINGS:
+        return estimate_mean(values, unit)
+    half = student.ppf(0.5 + CONFIDENCE / 2, len(means) - 1) * means.std(ddof=1) * np.sqrt(1 + 1 / len(means))
+    return Estimate.symmetric(float(values[known].mean()), float(half), unit, f"another load, by {len(means)} loads")
+
+
 def measure_scatter(fit: ForwardFit, noise: Sequence[float]) -> dict[str, Estimate]:
     """Estimate noise, creep and scatter between recordings of one load, each only if enough recordings allow it.
 
@@ -104,12 +123,13 @@ def measure_scatter(fit: ForwardFit, noise: Sequence[float]) -> dict[str, Estima
 
     Returns:
         Up to three estimates by name: `noise` is the standard deviation of a texel's counts from frame to frame
-        [counts], `creep` the relative growth of counts per unit of ln(time) [-], and `hysteresis` the relative standard
-        deviation between recordings of one load in one placement, with temperature allowed for [-].
+        [counts], `creep` the relative growth of counts per unit of ln(time), with an interval for another load [-], and
+        `hysteresis` the relative standard deviation between recordings of one load in one placement, with temperature
+        allowed for [-].
     """
     found = {
         "noise": estimate_mean(noise, "counts"),
-        "creep": estimate_mean(fit.observations.creep, "per ln(time)"),
+        "creep": predict_mean(fit.observations.creep, fit.observations.loads, "per ln(time)"),
         "hysteresis": _measure_repeatability(fit),
     }
     return {name: estimate for name, estimate in found.items() if estimate is not None}
@@ -284,7 +304,8 @@ def describe_fit(fit: ForwardFit) -> Iterator[str]:
     if creep.size:
         yield (
             f"creep: counts grow as 1 + c ln(t / 2 s) with c = {np.median(creep):.3f} ({creep.min():.3f}.."
-            f"{creep.max():.3f} in {creep.size} recordings); a time constant cannot be identified"
+            f"{creep.max():.3f} in {creep.size} recordings, from 2 s after loading on); earlier and later times are "
+            "extrapolated, what remains after unloading is not known, and a time constant cannot be identified"
         )
     if fit.outliers:
         yield f"little weight, because their residual is large: {', '.join(fit.outliers)}"

@@ -9,6 +9,7 @@ from scipy.special import gamma
 import fastmodel
 from fastmodel import ChainFunctions, Electronics
 from fastmodel.errors import FastModelError
+from fastmodel.signal import creep as creep_module
 from fastmodel.signal.creep import Creep
 from validation.sensor_file import load
 
@@ -33,13 +34,21 @@ def test_a_held_load_grows_with_the_logarithm_of_time(coefficient):
     assert found[np.isclose(times, 2)] == pytest.approx(3.0, rel=1e-12)
 
 
-def test_the_ripple_is_that_of_a_ladder_of_time_constants():
-    """2 c |Gamma(i w)| with w = 2 pi / ln b: in the middle of the ladder, two states a decade."""
-    c, times = Creep(0.12), np.geomspace(3.0, 30.0, 2000)
-    readings = c.instant + c.weight * (1 - np.exp(-times[:, None] / c.times)).sum(axis=1)
-    rest = readings - 0.12 * np.log(times)
-    ripple = np.ptp(rest - np.polyval(np.polyfit(np.log(times), rest, 1), np.log(times))) / 2
-    assert ripple == pytest.approx(2 * 0.12 * abs(gamma(2j * np.pi / np.log(np.sqrt(10)))), rel=0.1)
+def test_the_ripple_is_that_of_a_ladder_of_time_constants(monkeypatch):
+    """2 c |Gamma(i w)| with w = 2 pi / ln b, in the middle of 12 decades: one and two states a decade.
+
+    The part of the readings at w over an integer number of its periods, free of the logarithm.
+    """
+    monkeypatch.setattr(creep_module, "_SHORTEST", 1e-5)
+    monkeypatch.setattr(creep_module, "_LONGEST", 1e7)
+    for per_decade in (1, 2):
+        monkeypatch.setattr(creep_module, "_PER_DECADE", per_decade)
+        creep, turn = Creep(0.12), 2 * np.pi * per_decade / np.log(10)
+        logs = np.log(10) * (2 * np.arange(4096) / 4096)
+        readings = creep.instant + creep.weight * -np.expm1(-np.exp(logs)[:, None] / creep.times).sum(axis=1)
+        rest = readings - 0.12 * logs
+        ripple = 2 * abs(np.mean((rest - rest.mean()) * np.exp(-1j * turn * logs)))
+        assert ripple == pytest.approx(2 * 0.12 * abs(gamma(1j * turn)), rel=0.01)
 
 
 def test_the_interval_has_no_effect():
