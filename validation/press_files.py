@@ -52,10 +52,10 @@ def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
         return ()
     (folder / "press.json").write_text(json_text(comparison.as_json()), encoding="utf-8")
     texels = np.column_stack([array.centres, array.normals, found.texel_forces])
-    _write_rows(folder / "texels.csv", ("x_m", "y_m", "z_m", "nx", "ny", "nz", "force_N"), texels.tolist())
+    write_rows(folder / "texels.csv", ("x_m", "y_m", "z_m", "nx", "ny", "nz", "force_N"), texels.tolist())
     touched = found.contact_forces.any(axis=1)
     contact = np.column_stack([found.contact_points, found.contact_forces])[touched]
-    _write_rows(folder / "contact.csv", ("x_m", "y_m", "z_m", "force_x_N", "force_y_N", "force_z_N"), contact.tolist())
+    write_rows(folder / "contact.csv", ("x_m", "y_m", "z_m", "force_x_N", "force_y_N", "force_z_N"), contact.tolist())
     files = ["press.json", "texels.csv", "contact.csv"]
     if found.mesh is not None:
         write_mesh(folder / MESH_FILE, found.mesh)
@@ -75,7 +75,8 @@ def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
     return (*files, *write_picture(comparison, folder), *write_scene(scene, folder))
 
 
-def _write_rows(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+def write_rows(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a CSV file: the names of its columns, and its rows."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
@@ -168,7 +169,7 @@ class LoadCurve:
             OSError: If the folder cannot be written.
         """
         rows = [row | {"warnings": "; ".join(row["warnings"])} for row in self.rows()]
-        _write_rows(folder / "curve.csv", rows[0], (row.values() for row in rows))
+        write_rows(folder / "curve.csv", rows[0], (row.values() for row in rows))
         values = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "warnings"}
         try:
             with open_figure(folder / "curve.png", width=COLUMN, height=2.8) as figure:

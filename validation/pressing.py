@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
 from meshes import Indenter
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from fastmodel import FastIndentation, Parameters
     from fem_reference.indentation.result import Indentation
     from validation.press_files import LoadCurve
+    from validation.press_history import History, HistoryPress
 
 #: Kinds of strain of the finite elements that a user can name.
 STRAINS = ("small", "finite")
@@ -30,6 +32,9 @@ STRAINS = ("small", "finite")
 _MOST_POINTS = 1000
 #: Own error of the reference in the texels above which the fast model is not scored in a press [-].
 _NO_SCORE = 0.05
+
+#: Names of what a press prescribes, in the order of `_read_force`.
+_CONTROLS: tuple[Literal["load", "depth"], ...] = ("load", "depth")
 
 Progress = Callable[[str], None]
 
@@ -50,6 +55,7 @@ class PressRequest:
         accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Models that are computed, some of `MODELS`.
         method: Contact method of the fast model.
+        history: Load or depth in time; None for one load or depth.
     """
 
     sensor: SensorDescription | Parameters
@@ -63,11 +69,12 @@ class PressRequest:
     accuracy: float | None = None
     models: tuple[str, ...] = MODELS
     method: str = "default"
+    history: History | None = None
 
     @property
     def needs_reference(self) -> bool:
         """Whether the press is computed by finite elements, alone or to find the load of a given depth."""
-        return "fem" in self.models or self.depth is not None
+        return "fem" in self.models or self.depth is not None or self.history is not None
 
     @property
     def way_out(self) -> str:
@@ -171,6 +178,42 @@ class PressRequest:
         found, stopped = self._press_path(self.find_case(progress), points, as_far=True, progress=progress)
         return LoadCurve(indentations=found, wanted=points, stopped=stopped)
 
+    def follow(self, progress: Progress | None = None) -> HistoryPress:
+        """Follow the press on a relaxing cover in time, by finite elements.
+
+        Args:
+            progress: Called with a line of text before each step.
+
+        Raises:
+            InputError: If the cover does not relax or is not linear, or the history cannot be followed on it.
+            PiercedError: If the indenter would pierce the cover.
+            ConvergenceError: If the finite elements do not converge.
+        """
+        from fem_reference.indentation.relaxing import HistoryError, find_relaxation, follow_press
+        from validation.press_history import HistoryPress
+
+        if not isinstance(self.sensor, SensorDescription) or self.history is None:
+            raise InputError("a history needs the description of the cover")
+        cover, history = (
+            self.sensor.require_layers("--history, --hold: curved covers are not computed in time"),
+            self.history,
+        )
+        if self._choose_friction()[0]:
+            raise InputError(f"{self._choose_friction()[1]}: histories have no friction; write --friction 0")
+        case = self.find_case(progress)
+        with name_unsupported("--friction", others="--"):
+            relaxation = find_relaxation(cover)
+            try:
+                followed = follow_press(
+                    cover, self.sensor.array, case.indenter, case.pose, times=history.times,
+                    **{f"{history.control}s": history.values}, progress=progress,
+                )  # fmt: skip
+            except HistoryError as error:
+                raise InputError(f"--history: {error}") from None
+        return HistoryPress(
+            case=case, array=self.sensor.array, cover=cover, relaxation=relaxation, history=history, followed=followed
+        )
+
     def _press_path(
         self, case: Case, points: int, *, fields: bool = False, as_far: bool, progress: Progress | None
     ) -> tuple[Sequence[Indentation], str]:
@@ -257,6 +300,8 @@ def read_request(
     models: str = ",".join(MODELS),
     method: str = "default",
     curve: int | None = None,
+    history: str | Path | None = None,
+    hold: str | None = None,
     out: object = None,
 ) -> PressRequest:
     """Read the options of a press from text, and report all faults together.
@@ -273,6 +318,8 @@ def read_request(
         models: Names of the models to compute, joined by commas.
         method: Contact method of the fast model.
         curve: Number of points of a curve of load over depth; None for a single press.
+        history: CSV file with the load or depth in time, instead of a load or depth.
+        hold: Time for which load or depth are held on a relaxing cover, for example `60s`.
         out: Folder for the files of the press; None for no files.
 
     Raises:
@@ -281,7 +328,8 @@ def read_request(
     faults = Faults()
     chosen = faults.read(_read_models, models)
     known = chosen is not None
-    needs_reference = not known or "fem" in chosen or depth is not None
+    in_time = history is not None or hold is not None
+    needs_reference = not known or "fem" in chosen or depth is not None or in_time
     sensor = faults.read(find_sensor, known and needs_reference)
     shape = faults.read(read_indenter, indenter)
     texts = {name: text for name, text in pose.items() if text is not None}
@@ -299,7 +347,10 @@ def read_request(
             f"--method: {reason} alone; leave --method out, which chooses how the fast model computes contact"
         )
     wanted = faults.read(_read_accuracy, accuracy, used=needs_reference)
-    force = faults.read(_read_force, load, depth)
+    force = faults.read(_read_force, load, depth) if history is None else (None, None)
+    moved = faults.read(_read_history, history, hold, force, given=load or depth)
+    if moved is not None and (accuracy is not None or curve is not None):
+        faults.append("--history, --hold: leave out --accuracy and --curve, which are for one load")
     if (out is not None or curve is not None) and known and "fem" not in chosen:
         faults.append("--out, --curve: the files hold results of the finite elements; let --model name fem")
     if curve is not None and not 1 <= curve <= _MOST_POINTS:
@@ -310,7 +361,7 @@ def read_request(
     return PressRequest(
         sensor=sensor, indenter=shape, shape=indenter, pose=placed, load=force[0], depth=force[1],
         friction=coefficient, strain=cast("Literal['small', 'finite'] | None", strain), accuracy=wanted, models=chosen,
-        method=method,
+        method=method, history=moved,
     )  # fmt: skip
 
 
@@ -336,6 +387,21 @@ def _read_force(load: str | None, depth: str | None) -> tuple[float | None, floa
     if depth is not None and load is None:
         return None, read_depth(depth)
     raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
+
+
+def _read_history(
+    path: str | Path | None, hold: str | None, force: tuple[float | None, float | None] | None, *, given: str | None
+) -> History | None:
+    """Read the options --history and --hold, given the load [N] and depth [m] of the press; None without both."""
+    from validation.press_history import read_history, read_hold
+
+    if path is not None and (hold is not None or given is not None):
+        raise InputError("--history: leave out --load, --depth and --hold, which the file replaces")
+    if path is not None:
+        return read_history(Path(path))
+    if hold is None or force is None:
+        return None
+    return next(read_hold(hold, name, each) for name, each in zip(_CONTROLS, force, strict=True) if each is not None)
 
 
 def _read_friction(text: str | None, *, used: bool) -> float | None:

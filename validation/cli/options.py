@@ -124,6 +124,25 @@ class CoverChanges:
 UNCHANGED = CoverChanges()
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class InTime:
+    """Options that follow a press on a relaxing cover in time: `--history`, `--hold`."""
+
+    history: Annotated[
+        File | None,
+        Parameter(help="Load or depth in time on a relaxing linear cover: CSV, columns time_s and load_N or depth_m."),
+    ] = None
+    hold: Annotated[
+        str | None,
+        Parameter(metavar="TIME", allow_leading_hyphen=True, help="Hold the load or depth on such a cover, e.g. 60s."),
+    ] = None
+
+
+#: Neither of these options.
+AT_ONCE = InTime()
+
+
 def check_range(option: str, value: float | None, most: float = math.inf) -> None:
     """Refuse the value of an option that is below 0 or above `most`; None, an option that is not given, is accepted.
 
@@ -222,6 +241,7 @@ def read_description(
     *,
     any_cover: bool = False,
     instead: str = "",
+    in_time: bool = False,
 ) -> SensorDescription:
     """Read the description of a sensor, for a command that needs the sensor's cover.
 
@@ -230,6 +250,7 @@ def read_description(
         changes: Changes of the cover.
         any_cover: Whether the command supports covers of any kind, and not only planar layers.
         instead: Alternative for a folder of parameters, for the error message.
+        in_time: Whether the command follows the relaxation of the cover.
 
     Raises:
         InputError: If the sensor cannot be read, is a folder with parameters of the fast model, or has a curved cover
@@ -238,14 +259,16 @@ def read_description(
     from validation import api
 
     found = api.describe(sensor, instead=instead, **vars(changes))
-    _check_description(found, any_cover=any_cover)
+    _check_description(found, any_cover=any_cover, in_time=in_time)
     return found
 
 
-def _check_description(found: SensorDescription, *, any_cover: bool) -> None:
-    """Refuse a cover that a command does not support, and keep a note on assumed properties of the electronics."""
+def _check_description(found: SensorDescription, *, any_cover: bool, in_time: bool = False) -> None:
+    """Refuse a cover that a command does not support, and keep notes on assumed electronics and ignored relaxation."""
     if not any_cover:
         _ = found.layered_cover  # This property raises an error for a solid cover.
+    if not in_time and any(layer.material.relaxation for layer in found.cover.layers):
+        note("the cover relaxes; results hold just after loading: `softcover press --history` follows them in time")
     if assumed := ", ".join(found.assumed_electronics):
         note(
             f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "

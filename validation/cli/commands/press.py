@@ -28,6 +28,8 @@ GOOD_MISPLACED = 0.02
 #: Share of the force on wrong texels below which the fast model counts as usable [-]. `softcover derive` states the
 #: range of loads for this share.
 USABLE_MISPLACED = 0.05
+#: Error estimate of a press in time below which it is not printed [-].
+_SMALL = 1e-6
 
 
 def press(
@@ -47,6 +49,7 @@ def press(
     method: options.Method = "default",
     cover: options.CoverChanges = options.UNCHANGED,
     curve: int | None = None,
+    in_time: options.InTime = options.AT_ONCE,
     out: options.Folder | None = None,
     json: options.Json = False,
 ) -> int:
@@ -62,6 +65,7 @@ def press(
         softcover press sensor.toml --indenter roller:radius=30mm,length=40mm --load 5N --accuracy 0.5%
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
+        softcover press rubber.toml --indenter sphere:radius=5mm --load 2N --hold 60s
         softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
 
     Args:
@@ -83,9 +87,8 @@ def press(
             status is 1 if they do not.
         model: Which models: fem, fast, or fem,fast.
         curve: Compute this many points of the curve of load over depth, by finite elements; needs --out.
-        out: Folder for pictures, contact forces, displacement and stress in the cover, or for the curve.
+        out: Folder for pictures, contact forces, displacement and stress in the cover, or for the curve or history.
     """
-    from fem_reference.errors import PiercedError
     from validation.extras import require
     from validation.pressing import read_request
 
@@ -93,18 +96,28 @@ def press(
 
     def find_sensor(needs_reference: bool) -> SensorDescription | Parameters:
         if needs_reference:
-            return options.read_description(sensor, cover, any_cover=True, instead=instead)
+            relaxes = in_time != options.AT_ONCE
+            return options.read_description(sensor, cover, any_cover=True, instead=instead, in_time=relaxes)
         return options.read_sensor(sensor, cover, any_cover=True)
 
     request = read_request(
         find_sensor, indenter, load=load, depth=depth, friction=friction, strain=strain, accuracy=accuracy,
         pose={"at": at, "direction": direction, "yaw": yaw, "tilt": tilt}, models=model, method=method, curve=curve,
-        out=out,
+        out=out, **vars(in_time),
     )  # fmt: skip
     if request.needs_reference:
         way_out = "" if out else request.way_out
         require("skfem", useful=("matplotlib", "pyvista") if out else (), otherwise=way_out)
+    return _compute(request, curve, out, json=json)
+
+
+def _compute(request: PressRequest, curve: int | None, out: Path | None, *, json: bool) -> int:
+    """Compute one indentation, a curve or a history, as requested."""
+    from fem_reference.errors import PiercedError
+
     try:
+        if request.history is not None:
+            return _follow(request, out, json=json)
         if curve is not None and out is not None:
             return _trace(request, curve, out, json=json)
         return _compare(request, out, json=json)
@@ -162,6 +175,40 @@ def _trace(request: PressRequest, points: int, out: Path, *, json: bool) -> int:
         output.say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
         return NOT_CONVERGED
     return DONE if all(request.is_met_by(each) for each in curve.indentations) else CHECK_FAILED
+
+
+def _follow(request: PressRequest, out: Path | None, *, json: bool) -> int:
+    """Follow a press in time, print it, and write its files to `out` if given."""
+    from validation.output_folder import optional_folder
+
+    with optional_folder(out) as folder, output.Progress() as progress:
+        found = request.follow(progress)
+        files = found.write(folder) if folder else ()
+    if json:
+        output.print_json(found.as_json())
+    else:
+        columns = {
+            "time_s": ("time [s]", 1), "load_N": ("load [N]", 1), "depth_m": ("depth [mm]", 1e3),
+            "contact_depth_m": ("elastic depth", 1e3), "peak_texel_N": ("peak texel [N]", 1),
+            "elastic_load_ratio": ("elastic load", 1), "elastic_misplaced": ("misplaced [%]", 100),
+        }  # fmt: skip
+        rows = [[f"{factor * row[name]:.4g}" for name, (_, factor) in columns.items()] for row in found.pick_rows()]
+        title = f"{found.case.shape} on {found.array.name} at {found.case.place}"
+        output.print_table([heading for heading, _ in columns.values()], rows, title=title)
+        errors = output.describe_errors(
+            {name: each for name, each in found.followed.error_estimate.items() if each > _SMALL}
+        )
+        legend = (
+            "Elastic depth [mm]: that of an elastic cover with this contact. Elastic load, misplaced: the load of an "
+            "elastic cover over that of this one, and its force on wrong texels."
+        )
+        notes = (f"{note[0].upper()}{note[1:]}." for note in found.notes)
+        output.print_meaning([legend, *notes, f"Error estimates over the largest force and depth: {errors}."])
+    for sentence in found.warnings:
+        output.say(f"softcover: warning: {sentence}")
+    if files:
+        output.say(f"wrote {', '.join(files)} to {out}")
+    return DONE
 
 
 def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:

@@ -1,0 +1,125 @@
+"""Histories of a press on a relaxing cover: what is read, refused, printed and written."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from validation.errors import InputError
+from validation.press_history import History, read_history, read_hold
+
+RUBBER = """
+[array]
+rows = 6
+columns = 14
+pitch = "3.4 mm"
+
+[[cover.layer]]
+thickness = "2 mm"
+material = {{ model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio = 0.49{more} }}
+"""
+RELAXES = ', relaxation = { g = [0.3, 0.2], tau = ["0.1 s", "10 s"] }'
+
+
+FACE = ("--indenter", "cylinder:radius=5mm")
+
+
+@pytest.fixture
+def press(softcover, tmp_path):
+    """Press a face on a cover of rubber: (exit status, standard output, standard error)."""
+
+    def run(*arguments, more=RELAXES):
+        (tmp_path / "rubber.toml").write_text(RUBBER.format(more=more))
+        return softcover("press", "rubber.toml", *FACE, *arguments)
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("time_s,load_N\n0,0\n2,1\n1,2\n", "1 s after 2 s; times must ascend"),
+        ("time_s,load_N\n0,0\n,1\n", "line 3 is not two numbers"),
+        ("time_s,load_N\n0,0\nnan,1\n", "times must ascend"),
+        ("time_s,load_N\n-1,0\n2,1\n", "begins at -1 s"),
+        ("time_s,load_N\n0,1\n2,-1\n", "an indenter cannot pull"),
+        ("time_s,load_N\n0,1\n1,0\n2,1\n", "lifts off at 1 s; end it there"),
+        ("time_s,load_N\n0,0\n1,0\n", "nothing presses"),
+        ("time_s,load_N\n0,1\n", "1 instants; 2..1000"),
+        ("time_s,load_N,x_m\n0,1,0\n", "must read time_s,load_N or time_s,depth_m.*slides"),
+        ("time_s,depth_m\n0,nan\n1,1e-4\n", "depth of nan"),
+        ("", "the first line must read"),
+    ],
+)
+def test_faults_of_histories_are_one_line_each(tmp_path, text, fault):
+    path = tmp_path / "history.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=fault) as caught:
+        read_history(path)
+    assert len(caught.value.faults) == 1
+    assert caught.value.faults[0].startswith(f"--history: {path}: ")
+
+
+def test_a_history_is_read_and_a_hold_is_a_step(tmp_path):
+    path = tmp_path / "history.csv"
+    path.write_text("time_s,depth_m\n0,0\n0.5,1e-4\n2,1e-4\n")
+    found = read_history(path)
+    assert found == History(control="depth", times=(0.0, 0.5, 2.0), values=(0.0, 1e-4, 1e-4))
+    assert found.fastest == pytest.approx(0.35 / 0.5)
+    assert read_hold("1 min", "load", 5.0) == History(control="load", times=(0.0, 60.0), values=(5.0, 5.0))
+    with pytest.raises(InputError, match="positive time"):
+        read_hold("-3s", "load", 5.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "arguments", "fault"),
+    [
+        ("", ("--load", "2N", "--hold", "9s"), "--history: every layer needs a relaxation"),
+        (RELAXES, ("--hold", "9s"), "--load, --depth: give one of them"),
+        (RELAXES, ("--load", "2N", "--history", "h.csv"), "leave out --load, --depth and --hold"),
+        (RELAXES, ("--history", "missing.csv"), "--history: missing.csv: No such file"),
+        (RELAXES, ("--load", "2N", "--hold", "9s", "--friction", "0.4"), "--friction: histories have no friction"),
+        (RELAXES, ("--load", "2N", "--hold", "9s", "--accuracy", "1%"), "leave out --accuracy"),
+        (RELAXES.replace("0.3", "0.9"), ("--load", "2N"), "sum to at most one, not to 1.1"),
+        (RELAXES.replace("0.1 s", "-0.1 s"), ("--load", "2N"), "must be positive"),
+        (RELAXES.replace("linear", "x"), ("--history", "missing.csv"), "missing.csv"),
+    ],
+)
+def test_faults_of_a_press_in_time_are_one_line_each(press, more, arguments, fault):
+    status, out, err = press(*arguments, more=more)
+    assert (status, out) == (2, "")
+    assert fault in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_a_held_face_prints_and_writes_what_its_material_does(press, tmp_path):
+    arguments, out = ("--depth", "10um", "--hold", "60s"), tmp_path / "out"
+    status, printed, _ = press(*arguments, "--out", "out", "--json")
+    found = json.loads(printed)
+    assert status == 0
+    assert found == json.loads((out / "history.json").read_text())
+    rows, forces = found["history"], np.array(found["texel_forces"])
+    fall = rows[-1]["load_N"] / rows[0]["load_N"]
+    assert fall == pytest.approx(0.5 + 0.2 * np.exp(-6), rel=1e-3)
+    assert rows[-1]["elastic_load_ratio"] == pytest.approx(1 / fall)
+    assert forces[-1].sum() + rows[-1]["outside_N"] == pytest.approx(rows[-1]["load_N"], rel=1e-3)
+    assert found["resonance_Hz"] == pytest.approx(np.sqrt(1e6 / 2.98 / 1100) / 8e-3)
+    assert len((out / "texels.csv").read_text().splitlines()) == len(rows) + 1
+    assert (out / "history.png").stat().st_size > 10_000
+    status, printed, _ = press(*arguments)
+    assert status == 0
+    assert "First shear resonance 2183 Hz" in printed
+    assert "its force is up to 2 times that of this cover" in " ".join(printed.split())
+
+
+@pytest.mark.slow
+def test_fast_histories_and_ignored_relaxation_are_told(press, tmp_path):
+    (tmp_path / "history.csv").write_text("time_s,load_N\n0,0\n0.001,1\n2,1\n")
+    status, _, err = press("--history", "history.csv")
+    assert status == 0
+    assert "change at up to 350 Hz, above a tenth of the cover's first shear resonance" in err
+    assert "results hold just after loading" not in err
+    assert "results hold just after loading" in press("--load", "1N", "--model", "fem")[2]

@@ -1,0 +1,288 @@
+"""A press on a relaxing cover in time: its history as a file or a hold, its results, and their files."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import logging
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from meshes.array_types import FloatArray
+from meshes.bounded_file import FileLimitError, read_text
+from meshes.relaxation import Relaxation
+from validation.errors import InputError
+from validation.extras import MissingExtraError
+from validation.json_values import json_text
+from validation.moving.inertia import BANDWIDTH, SLOW, find_resonance, warn_of_inertia
+from validation.press_files import write_rows
+from validation.render.figure import COLOURS, draw_texels, open_figure
+from validation.render.image import Scale
+from validation.text.quantity import read_quantity
+
+if TYPE_CHECKING:
+    from fem_reference.indentation.relaxing import Followed
+    from meshes import Cover, TexelArray
+    from validation.campaign.case import Case
+
+_LOG = logging.getLogger(__name__)
+
+#: Columns of a history: the time, and what is prescribed.
+_COLUMNS: dict[str, Literal["load", "depth"]] = {"load_N": "load", "depth_m": "depth"}
+#: Largest number of instants of a history [-], and largest size of its file [bytes].
+_MOST, _MOST_BYTES = 1000, 2**20
+#: Longest time of a history [s], and largest value of it [N or m].
+_LONGEST, _LARGEST = 1e9, 1e6
+#: Number of instants that are printed [-].
+_SHOWN = 10
+_EXAMPLE = "the first line must read time_s,load_N or time_s,depth_m, then one line of two numbers per instant"
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """A load or depth that is linear in time between instants; a value other than zero at the first one is a step.
+
+    Attributes:
+        control: Whether the load or the depth is given.
+        times: Ascending instants, the first one zero [s].
+        values: Load [N] or depth [m] at each instant.
+    """
+
+    control: Literal["load", "depth"]
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check the instants and values.
+
+        Raises:
+            InputError: If there are too few or too many instants, they do not ascend from zero, a value is negative,
+                nothing presses, or the indenter lifts off before the last instant.
+        """
+        if not 2 <= len(self.times) <= _MOST:  # noqa: PLR2004 -- a start and an end
+            raise InputError(f"has {len(self.times)} instants; 2..{_MOST} are accepted")
+        if self.times[0] != 0:
+            raise InputError(f"begins at {self.times[0]:g} s; let its first time be 0")
+        for before, after in itertools.pairwise(self.times):
+            if not before < after <= _LONGEST:
+                raise InputError(f"has {after:g} s after {before:g} s; times must ascend, up to {_LONGEST:g} s")
+        bad = next((value for value in self.values if not 0 <= value <= _LARGEST), None)
+        if bad is not None:
+            raise InputError(f"has a {self.control} of {bad:g}, an indenter cannot pull; let it be 0 or more")
+        pressed = np.flatnonzero(self.values)
+        if not len(pressed):
+            raise InputError(f"has no {self.control} above zero, so that nothing presses")
+        lifted = [k for k in range(pressed[0], len(self.values) - 1) if self.values[k] == 0]
+        if lifted:
+            raise InputError(
+                f"lifts off at {self.times[lifted[0]]:g} s; end it there, or keep the {self.control} positive"
+            )
+
+    @property
+    def fastest(self) -> float:
+        """Highest frequency of the changes after the first instant, 0.35 over the shortest one [Hz]; 0 without any."""
+        ends = zip(itertools.pairwise(self.times), itertools.pairwise(self.values), strict=True)
+        changes = [after - before for (before, after), (low, high) in ends if low != high]
+        return BANDWIDTH / min(changes) if changes else 0.0
+
+
+def read_history(path: Path) -> History:
+    """Read a history from a CSV file with the columns `time_s` and `load_N` or `depth_m`.
+
+    Raises:
+        InputError: If the file cannot be read, has other columns, or holds no history.
+    """
+    try:
+        lines = [line for line in read_text(path, most=_MOST_BYTES).splitlines() if line.strip()]
+    except (FileLimitError, OSError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise InputError(f"--history: {path}: {reason}") from None
+    columns = [name.strip() for name in lines[0].split(",")] if lines else []
+    if len(columns) != 2 or columns[0] != "time_s" or columns[1] not in _COLUMNS:  # noqa: PLR2004
+        raise InputError(
+            f"--history: {path}: {_EXAMPLE}; slides and changing tilts are not computed on relaxing covers"
+        )
+    rows = []
+    for number, line in enumerate(csv.reader(lines[1:]), 2):
+        try:
+            time, value = map(float, line)
+        except ValueError:
+            raise InputError(f"--history: {path}: line {number} is not two numbers; {_EXAMPLE}") from None
+        rows.append((time, value))
+    times, values = zip(*rows, strict=True) if rows else ((), ())
+    try:
+        return History(control=_COLUMNS[columns[1]], times=times, values=values)
+    except InputError as error:
+        raise InputError(f"--history: {path}: {error}") from None
+
+
+def read_hold(text: str, control: Literal["load", "depth"], value: float) -> History:
+    """Read the time for which a load [N] or depth [m] is held after a step, such as `60s`.
+
+    Raises:
+        InputError: If the text is not a positive time.
+    """
+    seconds = read_quantity(text, "time", place="--hold", example="60s")
+    if not 0 < seconds <= _LONGEST:
+        raise InputError(f"--hold: {text!r} must be a positive time up to {_LONGEST:g} s; write for example --hold 60s")
+    return History(control=control, times=(0.0, seconds), values=(value, value))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HistoryPress:
+    """A press on a relaxing cover in time.
+
+    Attributes:
+        case: Indenter and pose.
+        array: The n texels.
+        cover: The relaxing cover.
+        relaxation: Relaxation of the cover.
+        history: The given history.
+        followed: Forces and depths at k instants.
+    """
+
+    case: Case
+    array: TexelArray
+    cover: Cover
+    relaxation: Relaxation
+    history: History
+    followed: Followed
+
+    @cached_property
+    def resonance(self) -> float:
+        """First shear resonance of the cover [Hz]."""
+        return find_resonance(self.cover)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about reasons not to rely on the result."""
+        return warn_of_inertia(self.history.fastest, self.resonance)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on the bulk modulus, the resonance, a step, and what a model without relaxation has."""
+        bulk = (
+            "relaxes with the shear modulus"
+            if self.relaxation.bulk == "relaxing"
+            else "is constant (approximate where a contact grows)"
+        )
+        own, ratio = float(self.misplaced.max()), self.fast_ratio
+        out = [
+            f"the bulk modulus {bulk}; contact without friction at one place",
+            f"first shear resonance {self.resonance:.4g} Hz: right for changes below a tenth of it",
+        ]
+        if self.history.values[0] > 0:
+            out.append(
+                f"the step at 0 s is a rise that takes {1e3 * BANDWIDTH / (SLOW * self.resonance):.2g} ms or more"
+            )
+        out.append(
+            f"the fast model has no relaxation: at best it puts up to {100 * own:.2g} % of the force on wrong texels"
+            + (
+                ""
+                if self.history.control == "load"
+                else f", and its force is up to {ratio.max():.3g} times that of this cover"
+            )
+        )
+        return tuple(out)
+
+    @cached_property
+    def fast_ratio(self) -> FloatArray:
+        """Force of an elastic cover over that of the relaxing one, shape (k,) [-]; 1 without force."""
+        force, elastic = self.followed.forces, self.followed.fast.sum(axis=1)
+        return np.asarray(np.divide(elastic, force, out=np.ones_like(force), where=force > 0))
+
+    @cached_property
+    def misplaced(self) -> FloatArray:
+        """Share of the force that an elastic cover puts on wrong texels, at equal forces, shape (k,) [-]."""
+        found = self.followed
+        pair = np.column_stack([found.texel_forces, found.outside]), found.fast
+        one, other = (each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300) for each in pair)
+        return np.asarray(np.round(0.5 * np.abs(one - other).sum(axis=1) * (found.forces > 0), 9))
+
+    def rows(self) -> list[dict[str, float]]:
+        """Return one row for each instant, as names with values in SI units."""
+        found = self.followed
+        columns = {
+            "time_s": found.times,
+            "load_N": found.forces,
+            "depth_m": found.depths,
+            "contact_depth_m": found.contact_depths,
+            "peak_texel_N": np.abs(found.texel_forces).max(axis=1),
+            "outside_N": found.outside,
+            "elastic_load_ratio": self.fast_ratio,
+            "elastic_misplaced": self.misplaced,
+        }
+        return [dict(zip(columns, row, strict=True)) for row in np.column_stack(list(columns.values())).tolist()]
+
+    def pick_rows(self) -> list[dict[str, float]]:
+        """Return about ten of the rows: the first ones of a few given instants, and others between them."""
+        times, count = self.followed.times, len(self.followed.times)
+        given = np.searchsorted(times, self.history.times[: _SHOWN * (len(self.history.times) <= _SHOWN)])
+        picked = np.union1d(given, np.linspace(0, count - 1, _SHOWN).astype(int))
+        rows = self.rows()
+        return [rows[k] for k in picked.tolist()]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result under the names that the command line prints as JSON."""
+        return {
+            "indenter": self.case.shape,
+            "sensor": self.array.name,
+            "control": self.history.control,
+            "relaxation": vars(self.relaxation),
+            "resonance_Hz": self.resonance,
+            "history": self.rows(),
+            "texel_forces": self.followed.texel_forces,
+            "error_estimate": self.followed.error_estimate,
+            "notes": self.notes,
+            "warnings": self.warnings,
+        }
+
+    def write(self, folder: Path) -> tuple[str, ...]:
+        """Write `history.json`, `history.csv`, `texels.csv` and, if matplotlib is installed, `history.png`.
+
+        Args:
+            folder: An existing folder to write to.
+
+        Returns:
+            The names of the written files.
+
+        Raises:
+            OSError: If the folder cannot be written.
+        """
+        rows, found = self.rows(), self.followed
+        (folder / "history.json").write_text(json_text(self.as_json()), encoding="utf-8")
+        write_rows(folder / "history.csv", rows[0], (row.values() for row in rows))
+        names = ("time_s", *(f"texel_{k}_N" for k in range(self.array.count)))
+        write_rows(folder / "texels.csv", names, np.column_stack([found.times, found.texel_forces]).tolist())
+        files = ("history.json", "history.csv", "texels.csv")
+        try:
+            self._draw(folder / "history.png")
+        except ImportError:
+            _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
+            return files
+        return (*files, "history.png")
+
+    def _draw(self, path: Path) -> None:
+        """Draw load and depth over time, and the texel forces at three instants."""
+        found, last = self.followed, len(self.followed.times) - 1
+        with open_figure(path, height=4.2) as figure:
+            grid = figure.add_gridspec(2, 3)
+            axes = figure.add_subplot(grid[0, :])
+            axes.plot(found.times, found.forces, color=COLOURS["fem"], label="load")
+            axes.plot(found.times, found.fast.sum(axis=1), "--", color=COLOURS["fast"], label="load, elastic cover")
+            axes.set(xlabel="time [s]", ylabel="load [N]", ylim=(0, 1.1 * found.fast.sum(axis=1).max()), xlim=(0, None))
+            other = axes.twinx()
+            other.plot(found.times, 1e3 * found.depths, color=COLOURS["fit"], label="depth")
+            other.set(ylabel="depth [mm]", ylim=(0, 1.2e3 * found.depths.max()))
+            other.spines["right"].set_visible(True)
+            lines = [*axes.lines, *other.lines]
+            axes.legend(lines, [str(line.get_label()) for line in lines], loc="lower right")
+            reached = (int(np.argmax(found.forces >= share * found.forces.max())) for share in (0.5, 0.999))
+            scale = Scale(peak=float(np.abs(found.texel_forces).max()))
+            for place, k in enumerate(sorted({*reached, last})):
+                part = figure.add_subplot(grid[1, place])
+                draw_texels(part, self.array, found.texel_forces[k], scale, title=f"texels at {found.times[k]:.3g} s")
