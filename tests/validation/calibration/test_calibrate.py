@@ -359,5 +359,5 @@ def test_the_interval_of_creep_covers_another_load():
     assert 0.935 < held / 2000 < 0.965
     assert predict_mean(np.array([0.1, np.nan]), np.zeros(2), "-") is None
     assert predict_mean(np.array([0.1, 0.12, 0.11]), np.zeros(3), "-").high == pytest.approx(
-        0.11 + 4.3027 * 0.01 / 3**0.5
+        0.11 + 4.302653 * 0.01 / 3**0.5
     )
