@@ -45,6 +45,7 @@ CHANGED: tuple[tuple[str, str], ...] = (
     ("* contents.*/contact.csv.*", "contact.csv has points in space and force vectors for covers of every kind"),
     ("* files.*texels.csv", "press --out writes the forces of the texels for covers of every kind"),
     ("* files.*scores.csv", "a report holds its scores as CSV too"),
+    ("* *.comparison_models*.not_built", "terms in time of published models are applied in cases that change in time"),
     ("* *.solution_verification*.unit", "units are written in one way"),
     ("* *resolution_on_array*", "two points are separated by the Rayleigh criterion, without steps of a texel"),
     ("* *two-point separation *texel*", "the same in tables"),

@@ -1,4 +1,4 @@
-"""Terms of published models that act on a signal in time: low-pass filters and running means.
+"""Terms of published models that act on a signal in time: low-pass filters, means, springs with mass, relaxation.
 
 A term is a function of the texel forces at equal intervals and of the interval, and returns forces at the same
 instants.  It begins in the steady state of the first sample.
@@ -50,6 +50,60 @@ def mean_of(samples: int, interval: float) -> Term:
         padded = np.concatenate([np.repeat(forces[:1], count, axis=0), forces])
         sums = np.cumsum(padded, axis=0)
         return np.asarray((sums[count:] - sums[:-count]) / count)
+
+    return apply
+
+
+def mean_between(interval: float) -> Term:
+    """Return the mean of all samples since the last read, held until the next read.
+
+    Args:
+        interval: Time between two reads [s].
+    """
+
+    def apply(forces: FloatArray, step: float) -> FloatArray:
+        count = max(1, round(interval / step))
+        reads = np.arange(len(forces)) // count * count
+        return mean_of(count, step)(forces, step)[reads]
+
+    return apply
+
+
+def oscillator(stiffness: float, damping: float, mass: float) -> Term:
+    """Return the force in a spring on which a mass with a damper rests: m x'' + c x' + k x = f, and k x is read.
+
+    The equation is solved exactly for forces that are linear between two samples.
+
+    Args:
+        stiffness: Stiffness k of the spring [N/m].
+        damping: Damping c [N s/m].
+        mass: The mass m [kg].
+    """
+
+    def apply(forces: FloatArray, step: float) -> FloatArray:
+        from scipy.signal import cont2discrete, lfilter, lfilter_zi
+
+        system = np.array([stiffness]), np.array([mass, damping, stiffness])
+        above, below, _ = cont2discrete(system, step, method="foh")
+        start = lfilter_zi(above[0], below).reshape(-1, *(1,) * (forces.ndim - 1)) * forces[:1]
+        return np.asarray(lfilter(above[0], below, forces, axis=0, zi=start)[0])
+
+    return apply
+
+
+def relaxation(strength: float, time: float) -> Term:
+    """Return a signal that overshoots its changes and relaxes: f + s xi, xi = exp(-dt / tau) xi before + change of f.
+
+    Args:
+        strength: Share s of a change that relaxes [-].
+        time: Time constant tau [s].
+    """
+
+    def apply(forces: FloatArray, step: float) -> FloatArray:
+        from scipy.signal import lfilter
+
+        changes = np.diff(forces, axis=0, prepend=forces[:1])
+        return forces + strength * np.asarray(lfilter([1.0], [1.0, -np.exp(-step / time)], changes, axis=0))
 
     return apply
 

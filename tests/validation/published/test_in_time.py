@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfilt
 
 from validation.published.in_time import butterworth, mean_of, recursion
@@ -61,6 +62,55 @@ def test_a_filter_begins_in_the_steady_state_and_equals_scipy():
     held = np.concatenate([np.repeat(forces[:1], 5000, axis=0), forces])
     exact = sosfilt(butter(3, 30.0, fs=1 / STEP, output="sos"), held, axis=0)[5000:]
     assert found == pytest.approx(exact, abs=1e-10)
+
+
+def test_the_reads_of_gazebo_ros_tactile_are_means_that_do_not_overlap():
+    (term,) = PUBLISHED["gazebo-ros-tactile"].terms.values()
+    samples = np.arange(35.0)
+    found = term(samples[:, None] * [1.0, -2.0], STEP)
+    assert found[:10] == pytest.approx(0.0)
+    for read in (10, 20, 30):
+        assert found[read : read + 5, 0] == pytest.approx([samples[read - 9 : read + 1].mean()] * 5)
+    assert found[:, 1] == pytest.approx(-2 * found[:, 0])
+
+
+def test_the_spring_of_skinsim_is_that_of_an_independent_integration():
+    """m x'' + c x' + k x = f by an adaptive Runge-Kutta method; and the closed form of a step, damping ratio 0.508."""
+    (term,) = PUBLISHED["skinsim-2014"].terms.values()
+    k, c, m, times = 16.37, 0.130, 1e-3, STEP * np.arange(400)
+    forces = 1 + np.sin(2 * np.pi * 7 * times) * (times < 0.3)
+
+    def move(time, state):
+        return [state[1], (np.interp(time, times, forces) - c * state[1] - k * state[0]) / m]
+
+    exact = solve_ivp(move, (0, times[-1]), [1 / k, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y[0]
+    found = term(forces[:, None] * [1.0, 3.0], STEP)
+    assert found[:, 0] == pytest.approx(k * exact, abs=1e-4)
+    assert found[:, 1] == pytest.approx(3 * found[:, 0])
+    fine = term((np.arange(4000) > 0).astype(float), 1e-4)
+    decay, own = c / (2 * m), np.sqrt(k / m - (c / (2 * m)) ** 2)
+    after = 1e-4 * (np.arange(1, 4000) - 0.5)  # the ramp of one sample is centred between two
+    closed = 1 - np.exp(-decay * after) * (np.cos(own * after) + decay / own * np.sin(own * after))
+    assert fine[20:] == pytest.approx(closed[19:], abs=1e-3)
+
+
+def test_the_hysteresis_of_genesis_relaxes_after_a_step_and_lags_a_cycle():
+    """1 + s exp(-t / tau); a cycle at 1 / tau has gain |1 + s i w tau / (1 + i w tau)|; none as shipped."""
+    none, term = PUBLISHED["genesis-taxel"].terms.values()
+    step = np.append(0.0, np.ones(300))
+    assert none(step, STEP).tolist() == step.tolist()
+    assert term(step, STEP)[1:] == pytest.approx(1 + 0.5 * np.exp(-STEP * np.arange(300) / 0.1))
+    wave = np.sin(np.arange(20_000) * 1e-4 / 0.1)
+    late = term(wave, 1e-4)[12_000:]
+    assert np.sqrt(2 * np.mean(late[: int(2 * np.pi * 1000)] ** 2)) == pytest.approx(abs(1 + 0.25 * (1 + 1j)), rel=2e-3)
+
+
+def test_a_damper_of_genesis_changes_no_force_under_a_given_load():
+    """f = s (k + c v): a rigid body has one v, so that forces scaled to the load do not contain c."""
+    depths = np.array([1.0, 0.4, 0.1])
+    for speed in (-0.05, 0.0, 0.1):
+        forces = depths * (1000 + 1.0 * speed)
+        assert forces / forces.sum() == pytest.approx(depths / depths.sum())
 
 
 def test_models_with_a_term_in_time_say_so_in_words():

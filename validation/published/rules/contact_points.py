@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fastmodel import Gaussian
-from validation.published.in_time import butterworth, mean_of, recursion
+from validation.published.in_time import butterworth, mean_between, mean_of, recursion
 from validation.published.model import CODE, POINTS, REPORT, SECONDARY, SUMMARY, Parameter, published
 from validation.published.scene import Forces, Scene, convolve
 
@@ -113,7 +113,7 @@ def predict_mean_3x3(scene: Scene, *, counts_per_newton: float, most_counts: flo
     rule="each point shared among all texels by Gaussians of distance and angle, unit sum",
     certainty=f"{CODE}; default widths unknown",
     in_time="mean between two reads",
-    terms={"mean between two reads, 100 Hz": mean_of(10, 1e-3)},
+    terms={"mean between two reads, 100 Hz": mean_between(10e-3)},
     distance=Parameter(unit="m", start=2e-3, fitted=True),
     angle=Parameter(start=1.0),
     least_force=Parameter(start=0.0, unit="N"),

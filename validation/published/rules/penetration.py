@@ -6,7 +6,7 @@ import numpy as np
 
 from fastmodel import Gaussian
 from meshes.array_types import FloatArray
-from validation.published.in_time import recursion
+from validation.published.in_time import oscillator, recursion, relaxation
 from validation.published.model import CODE, PENETRATION, SUMMARY, Parameter, published
 from validation.published.scene import Forces, Scene, bin_on_texels, convolve, scale_to_load, sink, sink_springs
 
@@ -83,7 +83,7 @@ def robwork_mask(width: float) -> FloatArray:
     contact=PENETRATION,
     rule="elastic foundation k d A on fine cells",
     certainty=SUMMARY,
-    in_time="damper c; friction with sigma_0, sigma_1, mu_s, mu_d",
+    in_time="damper c; friction with sigma_0, sigma_1, mu_s, mu_d, along the surface; no values are known to us",
     stiffness=Parameter(unit="Pa/m", fitted=True),
 )
 def predict_foundation(scene: Scene, *, stiffness: float) -> Forces:
@@ -108,7 +108,8 @@ def predict_foundation(scene: Scene, *, stiffness: float) -> Forces:
     rule="one spring per texel, Gaussian of 3 x 3 texels",
     certainty=SUMMARY,
     total="amplitude times the sum of the kernel",
-    in_time="damper 0.130 N s/m, mass 1 g",
+    in_time="damper 0.130 N s/m, mass 1 g; that the spring is read is our assumption",
+    terms={"spring 16.37 N/m, damper 0.130 N s/m, mass 1 g": oscillator(16.37, 0.130, 1e-3)},
     stiffness=Parameter(shipped=16.37, unit="N/m", fitted=True),
     amplitude=Parameter(shipped=0.159, fitted=True),
     sigma=Parameter(shipped=10e-3, unit="m", fitted=True),
@@ -137,7 +138,9 @@ def predict_springs(scene: Scene, *, stiffness: float, amplitude: float, sigma: 
     contact=PENETRATION,
     rule="k d^e at each texel's centre, crosstalk by a Gaussian",
     certainty=CODE,
-    in_time="damper c = 1, gain 0.85..1.15, dead taxels 5 %, noise 0.005 N",
+    in_time="damping f (1 + c v / k), the same for all taxels and without effect under a given load; hysteresis; "
+    "gain 0.85..1.15, dead taxels 5 %, noise 0.005 N",
+    terms={"no hysteresis": relaxation(0.0, 0.1), "hysteresis 0.5, 0.1 s": relaxation(0.5, 0.1)},
     stiffness=Parameter(shipped=1000.0, unit="N/m^e", fitted=True),
     exponent=Parameter(shipped=1.0),
     crosstalk=Parameter(shipped=0.0, start=0.3, fitted=True),
