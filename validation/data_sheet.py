@@ -174,6 +174,7 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
     )
     known = parameters.provenance if sensor is None else describe_provenance(sensor)
     layers, thickness, assumed = (known.get(key) for key in ("cover", "cover_thickness", "cover_assumed"))
+    part = None if sensor is None else sensor.sources.get("cover")
     stated = "the folder of parameters, [provenance]" if sensor is None else "the sensor file, [cover], or the options"
     yield _make_entry(
         "cover",
@@ -181,7 +182,7 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
         if layers is None
         else layers + " (assumed)" * bool(assumed),
         "elastic layers over the texels, bottom to top",
-        "assumed: nobody published it" if assumed else stated,
+        "partly assumed, " * bool(part) + (part or "assumed: nobody published it") if assumed else stated,
         {"cover_thickness_m": thickness, "cover_assumed": assumed if layers else None},
     )
 

@@ -6,6 +6,8 @@ import re
 
 import pytest
 
+import fastmodel
+from validation.data_sheet import make_datasheet
 from validation.errors import InputError
 from validation.sensor_comparison import put_side_by_side
 from validation.sensor_file import PUBLISHED, load
@@ -57,6 +59,12 @@ def test_the_phalanx_of_the_hand_saturates_at_the_pressure_of_its_data_sheet():
     assert electronics.sensitivity == pytest.approx(4095 / force)
     assert electronics.counts([0.5 * force]) == pytest.approx([2048], abs=1)
     assert put_side_by_side(["sdh2-proximal"])[0].values["range"] == "2.89 N on a texel"
+
+
+def test_a_data_sheet_tells_a_published_thickness_from_an_assumed_modulus():
+    cover = make_datasheet(fastmodel.load("wts-0614-34"), load("takkstrip")).as_json()["entries"]["cover"]
+    assert cover["text"] == "6 mm linear-elastic (assumed)"
+    assert cover["source"].startswith("partly assumed, thickness alone: element14.com")
 
 
 def test_a_file_of_ones_own_is_its_own_source(sensor):
