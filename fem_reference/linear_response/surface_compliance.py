@@ -138,6 +138,21 @@ def decay_length(cover: Cover) -> float:
     return max(lengths)
 
 
+def spread_of_top(cover: Cover) -> float:
+    """Estimate the distance over which the top layer spreads a load [m].
+
+    It is the thickness t of the layer, or the bending length of a plate on an elastic half space if that is larger,
+    (2 D (1 - nu^2) / E)^(1/3), with the plate's bending stiffness D and the constants of the layer below (Timoshenko
+    and Woinowsky-Krieger, Theory of Plates and Shells, section 61).
+    """
+    top = cover.layers[-1]
+    if len(cover.layers) == 1:
+        return top.thickness
+    plate, below = top.material, cover.layers[-2].material
+    stiffness = plate.youngs_modulus * top.thickness**3 / (12 * (1 - plate.poisson_ratio**2))
+    return max(top.thickness, float((2 * stiffness * (1 - below.poisson_ratio**2) / below.youngs_modulus) ** (1 / 3)))
+
+
 def membrane_length(cover: Cover) -> float:
     """Compute the distance in the plane of the cover over which the stretch of a stiff top decays; 0 for one layer [m].
 
@@ -201,6 +216,7 @@ class SurfaceCompliance:
         decayed: Whether the displacement has decayed to zero at `reach`.
         scale: Distance over which the regular part varies, the thickness of the top layer [m].
         thickness: Thickness of the cover [m].
+        bending: Distance over which the top layer spreads a load, see `spread_of_top` [m].
     """
 
     half_space: float
@@ -209,6 +225,7 @@ class SurfaceCompliance:
     decayed: bool
     scale: float
     thickness: float
+    bending: float
 
     def of_rectangle(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
         """Compute the downward displacement at (x, y) per pressure on a small rectangle around the origin [m/Pa].
@@ -285,6 +302,7 @@ def surface_compliance(
         decayed=waves.decayed,
         scale=top.thickness,
         thickness=cover.thickness,
+        bending=spread_of_top(cover),
     )
 
 

@@ -202,7 +202,7 @@ def choose_counts(half: FloatArray, face: Face | None, layer: float, cells: int)
     Args:
         half: Half widths of the rectangle, shape (2,) [m].
         face: Flat face that the rectangle bounds; None for a curved indenter, whose contact fills the rectangle.
-        layer: Thickness of the top layer of the cover [m].
+        layer: Distance over which the top layer of the cover spreads a load [m].
         cells: Number of cells along an axis that needs no refinement; a multiple of 16 [-].
 
     Returns:
@@ -412,7 +412,7 @@ def solve_contact(
     fixed = indenter.mirror_symmetry if face is None and sides is None else (True, True)
     middle, half = first
     for _ in range(_SETTINGS.refinements):
-        grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
+        grid = CellGrid.span(middle, half, choose_counts(half, face, surface.bending, cells))
         if face is not None:
             grid = grid.match_area(measure_gap, face)
         if sides is None:
