@@ -220,6 +220,9 @@ class Bench:
 
         Args:
             places: Position x, y [m] and yaw [rad] of the axis of each indenter.
+
+        Raises:
+            FastModelError: If a number is not finite, or the number of places is not that of the indenters.
         """
         started = time.perf_counter()
         self._place(places)
@@ -248,7 +251,9 @@ class Bench:
         return readings
 
     def _place(self, places: Sequence[tuple[float, float, float]], height: float = 0.0) -> None:
-        """Place the indenters at rest above the array, and forget the presses before."""
+        """Place the indenters at rest above the array, and forget the presses before; refuse wrong places."""
+        if np.shape(places) != (len(self._placements), 3) or not np.isfinite(places).all():
+            raise FastModelError(f"give {len(self._placements)} places of finite x, y [m] and yaw [rad]; not {places}")
         array = self._parameters.array
         for number, (placement, (x, y, yaw)) in enumerate(zip(self._placements, places, strict=True)):
             reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)

@@ -477,7 +477,10 @@ def find_first_contact(
     body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
     facing = np.flatnonzero(cover.normals @ outward > 0)
     gap = body.measure_gaps(cover.points[facing], np.broadcast_to(outward, (len(facing), 3)))
-    return np.asarray(facing[gap <= within])
+    if not np.isfinite(gap).any():  # The body lies between the points.
+        first, _ = _find_first_point(cover, body, outward)
+        return np.array([] if first is None else [first], dtype=np.intp)
+    return np.asarray(facing[gap <= gap.min() + within])
 
 
 def pose_indenter(indenter: Indenter, pose: Pose) -> PosedBody:

@@ -117,3 +117,7 @@ def test_bad_input_raises_an_error_that_names_the_fault():
         indent(PARAMETERS, sphere, load=1.0, at=(np.nan, 0.0))
     with pytest.raises(MissedArrayError, match="'at' must lie on the array"):
         indent(PARAMETERS, sphere, load=1.0, at=(0.1, 0.0))
+    ready = Bench(PARAMETERS, [Placement(indenter=sphere, load=1.0)])
+    for places in ([(np.nan, 0.0, 0.0)], [(0.0, 0.0, np.inf)], [], [(0.0, 0.0)], [(0.0, 0.0, 0.0)] * 2):
+        with pytest.raises(FastModelError, match="give 1 places of finite x"):
+            ready.press(places)

@@ -11,7 +11,7 @@ import meshes
 from fastmodel.contact.points import find_first_contact, pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, MissedArrayError
 from fastmodel.pressure.solvers import Load
-from meshes import Box, Sphere
+from meshes import Box, LetterH, Sphere
 from meshes.pose import Pose
 from tests.support.cover_data import make_dome
 
@@ -169,3 +169,12 @@ def test_the_length_of_the_direction_does_not_change_what_is_touched_first(lengt
     away = np.linalg.norm(np.cross(cover.points, direction), axis=1)
     assert 3 < len(found[0]) < len(cover.points) / 4
     assert away[found[0]].max() < 5e-3
+
+
+@pytest.mark.parametrize("indenter", [Sphere(radius=5e-5), LetterH(size=(0.2e-3, 0.3e-3), bar=0.05e-3)])
+def test_a_body_between_the_points_reaches_the_next_one_first(indenter):
+    pose = Pose.facing([0.31e-3, -0.42e-3, 0.05], [0, 0, -1])
+    cover = dome()
+    (first,) = find_first_contact(cover, indenter, pose, pose.towards, within=1e-3)
+    beside = np.linalg.norm(cover.points[:, :2] - pose.position[:2], axis=1)
+    assert beside[first] == beside.min()
