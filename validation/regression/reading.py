@@ -156,7 +156,9 @@ def _round(number: float, tolerance: float) -> float:
 
 
 def list_numbers(tree: object, label: str = "") -> dict[str, list[float]]:
-    """List the finite numbers of nested mappings, sequences and dataclasses by their place, without texts.
+    """List the numbers of nested mappings, sequences and dataclasses by their place, without texts.
+
+    Numbers that are not finite are left out, of a row by themselves, whose other numbers are listed one by one then.
 
     Args:
         tree: The values; a sequence of numbers is one row.
@@ -171,10 +173,10 @@ def list_numbers(tree: object, label: str = "") -> dict[str, list[float]]:
         parts = tree.items()
     elif not isinstance(tree, list | tuple):
         return {}
-    elif all(isinstance(each, float | int) for each in tree):
-        return {label: [float(each) for each in tree]} if np.isfinite(tree).all() else {}
-    else:
+    elif not all(isinstance(each, float | int) for each in tree) or (len(tree) > 1 and not np.isfinite(tree).all()):
         parts = enumerate(tree)
+    else:
+        return {label: [float(each) for each in tree]} if np.isfinite(tree).all() else {}
     return {
         place: row
         for name, part in parts

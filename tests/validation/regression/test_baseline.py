@@ -7,7 +7,7 @@ import pytest
 
 from validation.errors import InputError
 from validation.regression.baseline import Baseline, compare, make_baseline, merge, read_baseline
-from validation.regression.reading import read
+from validation.regression.reading import list_numbers, read
 
 SENSOR = "some sensor"
 
@@ -146,3 +146,8 @@ def test_the_healthy_spoiled_file_is_read(tmp_path):
     path = tmp_path / "baseline.json"
     path.write_text(spoil(lambda data: data["quantities"].update(x=ENTRY)))
     assert isinstance(read_baseline(path, SENSOR), Baseline)
+
+
+def test_one_number_that_is_not_finite_hides_no_other():
+    tree = {"a": [1.0, float("nan"), 3.0], "b": {"c": 4, "name": "text"}, "d": float("inf"), "e": [[5.0, 6.0], [7.0]]}
+    assert list_numbers(tree) == {"a, 0": [1.0], "a, 2": [3.0], "b, c": [4.0], "e, 0": [5.0, 6.0], "e, 1": [7.0]}
