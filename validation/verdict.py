@@ -187,7 +187,8 @@ def judge(
         doubts += _list_doubts(campaign, result)
         scored = len(result.cases)
         total = scored + len(result.skipped) + len(campaign.left_out)
-        compared[ELEMENTS] = f"{scored} of {total} cases"
+        limits = ", limits of the built-in campaign" if campaign.inherits else ""
+        compared[ELEMENTS] = f"{scored} of {total} cases{limits}"
     if recordings is not None:
         findings += _judge_recordings(recordings, {**campaign.criterion.recordings, **(required or {})})
         missing = [name for name in splits if all(row.split != name for row in recordings.rows)]

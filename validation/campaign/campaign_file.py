@@ -85,6 +85,7 @@ class Campaign:
         spare: Further cases of a run with a budget, most useful first, for time that its cases leave.  After the run,
             those that ten more minutes would add.
         moving: Cases that change in time; they do not count for the verdict.
+        inherits: Whether the file of the campaign states no requirements, so that the built-in ones count.
     """
 
     name: str
@@ -97,6 +98,7 @@ class Campaign:
     left_out: tuple[str, ...] = ()
     spare: tuple[Case, ...] = ()
     moving: tuple[MovingCase, ...] = ()
+    inherits: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """Return name, intended use, criterion and inputs as a dictionary of JSON values."""
@@ -193,6 +195,7 @@ def parse_campaign(
         quick=tuple(quick),
         left_out=tuple(left_out),
         moving=tuple(moving),
+        inherits="required" not in data and not source.startswith("built-in"),
     )
 
 

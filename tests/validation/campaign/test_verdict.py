@@ -220,3 +220,17 @@ def test_a_metric_that_some_loads_do_not_define_is_undecided(plan):
     verdict = judge(plan, None, score_recordings(undefined=2), required=required)
     assert verdict.word == "not decided"
     assert "defined in 6 of 8" in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"), [("", ", limits of the built-in campaign"), ("misplaced_force = '9 %'", "")]
+)
+def test_a_file_without_limits_is_judged_by_the_built_in_ones_and_the_verdict_says_so(
+    tmp_path, wts, result, stated, words
+):
+    path = tmp_path / "mine.toml"
+    case = "[[case]]\nname = 'ball'\nindenter = 'sphere:radius=5mm'\nload = '1N'\n"
+    path.write_text((f"[required.mean]\n{stated}\n" if stated else "") + case)
+    verdict = judge(read_campaign(path, FlatPlaces(array=wts)), result)
+    assert f"(6 of 6 cases{words})" in verdict.sentence
+    assert f"6 of 6 cases{words}:" in verdict.short
