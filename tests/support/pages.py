@@ -2,7 +2,7 @@
 
 A block that begins with ```python or ```sh runs, except ```sh notest.  A comment `<!-- test: python` or `<!-- test: sh`
 holds a block that runs but is not shown, `<!-- file: NAME -->` before a block writes the block to a file.  A block
-```text after ```sh is a part of what the commands print; `...` stands for the rest.
+```text after ```sh or ```python is a part of what the block prints; `...` stands for the rest.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def is_shown(line, printed):
 def make_program(path):
     """Make a Python program of the blocks of a page that run."""
     lines = [
-        "import subprocess",
+        "import contextlib, io, subprocess",
         "from pathlib import Path",
         "def run_shell(code):",
         "    done = subprocess.run(['bash', '-euo', 'pipefail', '-c', code], stdout=subprocess.PIPE, text=True)",
@@ -72,10 +72,14 @@ def make_program(path):
     previous = ""
     for language, code in list_blocks(path):
         if language == "python":
-            lines.append(code)
+            lines += [
+                "shown = contextlib.ExitStack()",
+                "out = shown.enter_context(contextlib.redirect_stdout(io.StringIO()))",
+            ]
+            lines += [code, "shown.close()", "printed = out.getvalue()"]
         elif language == "sh":
             lines.append(f"printed = run_shell({code!r})")
-        elif language == "text" and previous == "sh":
+        elif language == "text" and previous in {"python", "sh"}:
             lines.append(f"assert list_missing({code!r}, printed) == []")
         elif language.startswith("file "):
             lines.append(f"Path({language.split()[1]!r}).write_text({code!r})")
