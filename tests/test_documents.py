@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -42,7 +43,7 @@ def test_the_page_on_robots_runs_as_pasted():
 def test_a_page_with_code_asserts_or_shows_a_number(page):
     blocks = list_blocks(page)
     asserts = any(re.search(r"assert.*\d", code) for language, code in blocks if language == "python")
-    pairs = zip(blocks, blocks[1:], strict=False)
+    pairs = pairwise(blocks)
     assert asserts or any(
         a in {"python", "sh"} and b == "text" and re.search(r"\d", code) for (a, _), (b, code) in pairs
     )
