@@ -76,8 +76,9 @@ class SeveralIndentations:
         depths: Approach of each indenter from first touch, at its axis, shape (bodies,) [m].
         slopes: Tilts of each indenter as slopes along x and along y, shape (bodies, 2) [-].
         contact: Columns x, y in the frame of the array [m] and force [N] of the m cells in contact, shape (m, 3).
-        error_estimate: `misplaced`, half the sum of the absolute changes of texel forces between the two grids, over
-            the load [-].
+        contact_area: Area of these cells [m2].
+        error_estimate: Changes between the two grids: `misplaced`, half the sum of the absolute changes of texel forces
+            over the load; `peak_texel`, `depth` and `contact_area`, over their values [-].
     """
 
     texel_forces: FloatArray
@@ -85,6 +86,7 @@ class SeveralIndentations:
     depths: FloatArray
     slopes: FloatArray
     contact: FloatArray
+    contact_area: float
     error_estimate: dict[str, float]
 
 
@@ -97,7 +99,7 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
         bodies: Indenters with weights and poses; their footprints must not overlap.
 
     Raises:
-        ValueError: If a load is not positive.
+        ValueError: If a load is not positive, or footprints overlap.
         ConvergenceError: If the contact does not converge.
     """
     if not bodies or not all(0 < body.load < np.inf for body in bodies):
@@ -111,14 +113,22 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     # The error of the forces is proportional to the cell size, so they are extrapolated to cell size zero.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]
-    load = sum(body.load for body in bodies)
+    load, change, peak = sum(body.load for body in bodies), np.abs(fine - coarse)[:-1], int(fine[:-1].argmax())
+    areas = [len(each) * (cover.thickness / count) ** 2 for (each, _), count in zip(solved, CELLS, strict=True)]
+    depths = [float(each[:, 0].max()) for _, each in solved]
     return SeveralIndentations(
         texel_forces=forces[:-1],
         outside=float(forces[-1]),
         depths=motion[:, 0],
         slopes=motion[:, 1:],
         contact=contact,
-        error_estimate={"misplaced": float(np.abs(fine - coarse)[:-1].sum() / (2 * load))},
+        contact_area=areas[-1],
+        error_estimate={
+            "misplaced": float(change.sum() / (2 * load)),
+            "peak_texel": float(change[peak] / fine[peak]),
+            "depth": abs(depths[1] / depths[0] - 1),
+            "contact_area": abs(areas[1] / areas[0] - 1),
+        },
     )
 
 
@@ -142,6 +152,8 @@ def _solve(
     count = np.maximum(1, np.ceil((high - low) / cell - 1e-9)).astype(int)
     x, y = np.meshgrid(*(low[i] + (np.arange(count[i]) + 0.5) * cell for i in range(2)), indexing="ij")
     gaps = np.array([body.indenter.gap(*body.pose.to_indenter(x, y)) for body in bodies])
+    if (np.isfinite(gaps).sum(axis=0) > 1).any():
+        raise ValueError("the footprints of two indenters overlap; move one of them")
     gap, owner = gaps.min(axis=0), gaps.argmin(axis=0)
     touching = np.any([guess_touching(np.where(owner == i, gap, np.inf), None) for i in range(len(bodies))], axis=0)
     columns, loads, mover = _constrain_bodies(bodies, np.where(np.isfinite(gap), owner, -1), x, y)

@@ -184,23 +184,28 @@ class LayeredBench(Bench):
 
     def compute_models(self, case: Case) -> ModelForces:
         """Compute one case by the fast model, by simpler contact methods, and by the published models."""
-        from fastmodel import indent
+        from fastmodel import Placement, indent_together
 
-        array, case = self.parameters.array, case.turned
-        press = partial(indent, self.parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
+        array, parts = self.parameters.array, [each.turned for each in case.bodies]
+        placements = [
+            Placement(indenter=each.indenter, load=each.load, at=each.pose.at, yaw=each.pose.yaw) for each in parts
+        ]
+        press = partial(indent_together, self.parameters, placements)
         fast, foundation = press(contact="default"), press(contact="foundation")
         published: Mapping[str, tuple[FloatArray, float]] = {}
         if self.comparison is None:
-            boxes = press(contact="boxes")
+            boxes = [press(contact="boxes")]
         else:
-            # The published models use the contacts of the simulation of the method `boxes`.
-            scene, published = self.comparison.predict(self.cover, self.parameters, case)
-            boxes = scene.boxes
-        kept = np.where(array.active, boxes.contact_forces, 0.0)
+            # The published models use the contacts of the simulation of the method `boxes`.  They see one body at a
+            # time, and their forces add up.
+            found = [self.comparison.predict(self.cover, self.parameters, each) for each in parts]
+            boxes = [scene.boxes for scene, _ in found]
+            published = {name: _add([forces[name] for _, forces in found]) for name in found[0][1]}
+        kept = np.where(array.active, sum(each.contact_forces for each in boxes), 0.0)
         models = {
             "fast": (fast.texel_forces, fast.outside),
             "foundation": (foundation.texel_forces, foundation.outside),
-            "boxes": (boxes.texel_forces, boxes.outside),
+            "boxes": _add([(each.texel_forces, each.outside) for each in boxes]),
             "no-spread": (kept, case.load - float(kept.sum())),
             "zeros": (np.zeros(array.count), 0.0),
         }
@@ -244,6 +249,12 @@ class LayeredBench(Bench):
     def measure(self, result: CaseResult) -> dict[str, float]:
         """Return the quantities of every bench, and the share of the load outside the array [-]."""
         return super().measure(result) | {"share_outside_array": result.reference.outside / result.case.load}
+
+
+def _add(forces: Sequence[tuple[FloatArray, float]]) -> tuple[FloatArray, float]:
+    """Add forces on n texels, shape (n,), and outside [N]."""
+    texels, outside = zip(*forces, strict=True)
+    return np.sum(texels, axis=0), sum(outside)
 
 
 @singledispatch

@@ -21,7 +21,7 @@ from validation.errors import Faults, InputError
 from validation.moving.history import MovingCase, read_moving
 from validation.places import Places
 from validation.schema import parse, read_raw
-from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable
+from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable, OtherTable
 
 #: Requirements on recordings that a campaign file and a data-set file do not state, see docs/validation.md.
 RECORDING_LIMITS: Mapping[str, float] = MappingProxyType(
@@ -170,7 +170,7 @@ def parse_campaign(
     scale = 1.0 if tables.loads_for is None else places.scale_loads(tables.loads_for, source)
     cases, quick, left_out = _read_cases(tables.case, places)
     if scale != 1:
-        cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
+        cases = [case.with_load(float(f"{scale * case.load:.2g}")) for case in cases]
     asked, use = cases, " ".join(tables.intended_use.split())
     if tables.deepest is not None:
         cases = _lower_loads(cases, places, tables.deepest)
@@ -239,6 +239,10 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
     faults = Faults()
     table = faults.read(parse, data, CaseTable, place=("case", number))
     pose = faults.read(lambda: places.find(places.parse({"at": "centre", **texts}, f"case[{number}].")))
+    others = tuple(
+        faults.read(_read_other, other, given["others"][k], places, f"case[{number}].others[{k}].")
+        for k, other in enumerate(table.others if table else ())
+    )
     # The schema and the reading of the pose may report the same fault, which is kept once.
     faults[:] = dict.fromkeys(faults)
     faults.refuse()
@@ -251,8 +255,17 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
         "compared": table.compared or (),
         "required": table.required.list_limits(),
         "pose": pose,
+        "others": others,
     }
-    return [Case(name=name, load=load, **common) for name, load in zip(names, loads, strict=True)], table.quick
+    rest = sum(each.load for each in others)
+    return [Case(name=name, load=load + rest, **common) for name, load in zip(names, loads, strict=True)], table.quick
+
+
+def _read_other(table: OtherTable, given: Mapping[str, Any], places: Places, place: str) -> Case:
+    """Read a further body of a case."""
+    texts = {key: text for key in ("at", "yaw") if (text := getattr(table, key)) is not None}
+    pose = places.find(places.parse(texts, place))
+    return Case(name=given["indenter"], indenter=table.indenter, shape=given["indenter"], load=table.load, pose=pose)
 
 
 def _lower_loads(cases: Sequence[Case], places: Places, share: float) -> list[Case]:
@@ -261,8 +274,7 @@ def _lower_loads(cases: Sequence[Case], places: Places, share: float) -> list[Ca
     factor = {case.shape: min(1.0, places.limit_load(case, share) / largest[case.shape]) for case in cases}
     lowered = (float(f"{factor[case.shape] * case.load:.2g}") for case in cases)
     return [
-        case if factor[case.shape] == 1 else dataclasses.replace(case, load=load)
-        for case, load in zip(cases, lowered, strict=True)
+        case if factor[case.shape] == 1 else case.with_load(load) for case, load in zip(cases, lowered, strict=True)
     ]
 
 

@@ -19,11 +19,12 @@ class Case:
         name: Short name, unique in its campaign.
         indenter: Rigid body that presses on the cover.
         shape: The indenter as text, for example `sphere:radius=5mm`.
-        load: Applied force along the direction of the motion [N].
+        load: Applied force along the direction of the motion, of all bodies together [N].
         pose: Position of first touch, direction of motion, and rotation of the indenter.
         path: Ascending loads of the loading path to which the load belongs [N]; empty if the load is applied at once.
         compared: Names of the metrics that are pooled over cases, fields of `Score`; empty for all metrics.
         required: Largest accepted value of metrics in this case, by name, in SI units or as a fraction.
+        others: Further bodies that press at the same time, each as a case of its own.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Case:
     path: tuple[float, ...] = ()
     compared: tuple[str, ...] = ()
     required: Mapping[str, float] = dataclasses.field(default_factory=dict, hash=False)
+    others: tuple[Case, ...] = ()
 
     @classmethod
     def read(cls, name: str, shape: str, load: str, *, at: str = "0mm,0mm", yaw: str = "0deg") -> Case:
@@ -58,6 +60,17 @@ class Case:
         )
 
     @property
+    def bodies(self) -> tuple[Case, ...]:
+        """Each body alone, under its own load."""
+        own = self.load - sum(each.load for each in self.others)
+        return (dataclasses.replace(self, load=own, others=()), *self.others)
+
+    def with_load(self, load: float) -> Case:
+        """Return the case under another load [N]; the loads of all bodies change by one factor."""
+        others = tuple(each.with_load(load / self.load * each.load) for each in self.others)
+        return dataclasses.replace(self, load=load, others=others)
+
+    @property
     def turned(self) -> Case:
         """An equal case whose indenter has a tilted shape and an upright pose, for models without tilt."""
         upright = dataclasses.replace(self.pose, tilt=(0.0, 0.0))
@@ -75,14 +88,19 @@ class Case:
 
     def is_press_of(self, other: Case) -> bool:
         """Whether two cases are the same press: the same indenter, load and pose."""
-        mine, others = ((each.load, each.path) for each in (self, other))
-        return mine == others and self.pose.is_close_to(other.pose) and self.has_shape_of(other)
+        mine, others = ((each.load, each.path, len(each.others)) for each in (self, other))
+        if mine != others or not all(map(Case.is_press_of, self.others, other.others)):
+            return False
+        return self.pose.is_close_to(other.pose) and self.has_shape_of(other)
 
     def as_json(self) -> dict[str, Any]:
         """Return the case as a dictionary of JSON values, which `from_json` reads."""
         about = {"name": self.name, "indenter": self.shape, "load": self.load}
         return (
-            about | tabulate_pose(self.pose) | {"path": self.path, "compared": self.compared, "required": self.required}
+            about
+            | tabulate_pose(self.pose)
+            | {"path": self.path, "compared": self.compared, "required": self.required}
+            | ({"others": [each.as_json() for each in self.others]} if self.others else {})
         )
 
     @classmethod
@@ -101,6 +119,7 @@ class Case:
             path=tuple(values["path"]),
             compared=tuple(values["compared"]),
             required=dict(values["required"]),
+            others=tuple(map(cls.from_json, values.get("others", ()))),
         )
 
     @property

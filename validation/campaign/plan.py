@@ -258,6 +258,7 @@ def _share_solution(cover: Cover | SolidCover, case: Case, other: Case) -> bool:
     """Whether the references of two cases share their solution: same body and load at two poses on a wide cover."""
     return (
         cover.size is None
+        and not (case.others or other.others)
         and (case.load, case.path, case.pose.tilt) == (other.load, other.path, other.pose.tilt)
         and case.has_shape_of(other)
     )

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from fem_reference.errors import UnsupportedError
 from meshes import Cover, SolidCover, TexelArray
@@ -13,6 +16,9 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
+
+#: Error estimates of several bodies that a reference states besides that of the force.
+_ERRORS = ("depth", "peak_texel", "contact_area")
 
 
 def press_reference(
@@ -41,6 +47,8 @@ def press_reference(
     """
     from fem_reference.indentation.press import press_path
 
+    if case.others:
+        return _press_bodies(cover, array, case, friction)
     loads = case.path or (case.load,)
     with name_unsupported("contact.friction"):
         results = press_path(
@@ -55,6 +63,45 @@ def press_reference(
             progress=progress,
         )
     return results[loads.index(case.load)]
+
+
+def _press_bodies(cover: Cover | SolidCover, array: TexelArray, case: Case, friction: float) -> Indentation:
+    """Press all bodies of a case at once, guided and without friction.
+
+    Raises:
+        ValueError: If the cover is not wide and linear, the press has friction, or bodies overlap.
+    """
+    from fem_reference import result_store
+    from fem_reference.indentation.result import Indentation
+    from fem_reference.small_strain_contact.several_indenters import Body, press_together
+
+    if not isinstance(cover, Cover) or cover.size is not None or not cover.small_strain_only or friction:
+        raise ValueError(
+            "several bodies are pressed on wide covers of linear-elastic layers without friction; split them"
+        )
+    bodies = [Body(indenter=each.indenter, load=each.load, at=each.pose.at, yaw=each.pose.yaw) for each in case.bodies]
+    inputs = {
+        "cover": cover,
+        "bodies": bodies,
+        "centres": array.centres,
+        "active": array.active,
+        "size": array.texel_size,
+    }
+    started = time.perf_counter()
+    found = result_store.fetch("together", inputs, lambda: press_together(cover, array, bodies))
+    points = np.column_stack([found.contact[:, :2], np.full(len(found.contact), cover.thickness)])
+    pushes = np.column_stack([np.zeros((len(points), 2)), -found.contact[:, 2]])
+    force = np.array([0.0, 0.0, -case.load])
+    measured = float(found.texel_forces.sum())
+    return Indentation(
+        texel_forces=found.texel_forces, outside=found.outside, total_force=case.load, force=force, base_force=force,
+        moment=np.cross(points, pushes).sum(axis=0), unmeasured=np.array([0.0, 0.0, measured - case.load]),
+        balance=(measured + found.outside) / case.load - 1, depth=float(found.depths.max()),
+        contact_area=found.contact_area, contact_points=points, contact_forces=pushes,
+        error_estimate={"total_force": 0.0, **{key: found.error_estimate[key] for key in _ERRORS}},
+        assumptions={"strain": "small", "friction": "frictionless", "base": cover.base}, warnings=(),
+        seconds=time.perf_counter() - started,
+    )  # fmt: skip
 
 
 @contextlib.contextmanager

@@ -123,10 +123,13 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         inputs: Standard uncertainties.
 
     Raises:
+        ValueError: If the case has several bodies.
         ConvergenceError: If a contact does not converge.
     """
     from fem_reference import result_store
 
+    if case.others:
+        raise ValueError("uncertain inputs are propagated under one body only")
     case = case.turned
     listed = {name: uncertainty for name, uncertainty, _ in list_inputs(cover, inputs)}
     note = missing = find_missing_range(cover)

@@ -22,6 +22,8 @@ _NOT_ERRORS = ("pixels_lit_line", "active_area_iou")
 _MOST_LOADS = 100
 #: Largest accepted number of cases in a campaign file [-].
 _MOST_CASES = 1000
+#: Largest accepted number of further bodies of a case [-].
+_MOST_OTHERS = 8
 #: Largest accepted number of moving cases, and of instants of one of them [-].
 _MOST_MOVING, _MOST_INSTANTS = 50, 20_001
 #: Shortest part of a history, the interval of its samples, less rounding [s].
@@ -146,6 +148,22 @@ class LoadsForTable(Table):
     thickness: types.Length = Field(examples=["2 mm"])
 
 
+class OtherTable(Table):
+    """A further body that presses at the same time as that of a case.
+
+    Attributes:
+        indenter: Rigid body that presses on the cover.
+        load: Load on the body.
+        at: A named place, or the coordinates of the body's axis.
+        yaw: Rotation of the body about its axis.
+    """
+
+    indenter: types.Indenter = Field(examples=["box:size=6mmx6mmx8mm"])
+    load: types.Load = Field(examples=["100 g"])
+    at: str = Field(examples=["0mm,9mm"])
+    yaw: str | None = None
+
+
 class CaseTable(Table):
     """One indentation that is scored; a list of loads or a loading path makes one case for each load.
 
@@ -162,6 +180,7 @@ class CaseTable(Table):
         compared: Metrics that are pooled over cases; all metrics when left out.
         required: Largest accepted values in this case, which replace those of the campaign.
         quick: Whether `--quick` and `--budget` take the case before others.
+        others: Further bodies that press at the same time, on a wide cover of linear-elastic layers.
     """
 
     name: types.Name = Field(examples=["ball"])
@@ -176,6 +195,7 @@ class CaseTable(Table):
     compared: Annotated[tuple[Annotated[str, types.choice(*METRICS)], ...], Field(min_length=1)] | None = None
     required: LimitsTable = LimitsTable()
     quick: Annotated[bool, Field(strict=True)] = False
+    others: Annotated[tuple[OtherTable, ...], Field(max_length=_MOST_OTHERS)] = ()
 
     @property
     def all_loads(self) -> list[float]:
@@ -189,6 +209,8 @@ class CaseTable(Table):
             found = " and ".join(given) or "nothing"
             yield "load", f"give one of load, loads (each applied at once) and path (ascending), not {found}"
             return
+        if self.others and (self.load is None or self.tilt is not None):
+            yield "others", "several bodies have one load each and do not tilt; give load, without loads, path and tilt"
         loads = self.all_loads
         for k, load in enumerate(loads):
             if load in loads[:k]:

@@ -20,6 +20,7 @@ SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--fric
     "--seconds",
     "--reconnect",
     "--force-delay",
+    "--hold",
     "--tip",
     "--budget",
     "--older-than",

@@ -1,0 +1,91 @@
+"""Cases with several bodies: read, pressed by the reference and by the models, and refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fastmodel
+from fem_reference.indentation.press import press
+from meshes.catalogue import ARRAYS, ASSUMED_COVER
+from validation.campaign.bench import LayeredBench
+from validation.campaign.campaign_file import parse_campaign, read_campaign
+from validation.campaign.case import Case
+from validation.campaign.reference_press import press_reference
+from validation.errors import InputError
+from validation.places import find_places
+from validation.sensor_file import BUILT_IN
+
+ARRAY = ARRAYS["wts-0614-34"]
+PLACES = find_places(ASSUMED_COVER, BUILT_IN["wts-0614-34"], None)
+BIG = {"name": "two", "indenter": "box:size=12mmx12mmx8mm", "load": "1 N", "at": "0mm,-12mm"}
+SMALL = {"indenter": "box:size=6mmx6mmx8mm", "load": "0.5 N", "at": "0mm,12mm", "yaw": "10deg"}
+
+
+def read(**changed):
+    return parse_campaign({"case": [BIG | {"others": [SMALL]} | changed]}, PLACES, source="file")
+
+
+@pytest.fixture(scope="module")
+def case():
+    return read().cases[0]
+
+
+def test_the_load_of_a_case_is_that_of_all_bodies_which_can_be_stored_and_scaled(case):
+    assert case.load == pytest.approx(1.5)
+    assert [each.load for each in case.bodies] == pytest.approx([1.0, 0.5])
+    assert [each.load for each in case.with_load(3.0).bodies] == pytest.approx([2.0, 1.0])
+    again = Case.from_json(case.as_json())
+    assert again.is_press_of(case)
+    assert not again.is_press_of(case.bodies[0])
+    assert not again.is_press_of(read(others=[SMALL | {"load": "1 N"}], load="0.5 N").cases[0])
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        ({"load": None, "loads": ["1 N", "2 N"]}, "others: several bodies have one load each"),
+        ({"tilt": "1deg,0deg"}, "others: several bodies have one load each"),
+        ({"others": [SMALL | {"load": "-1 N"}]}, r"others\[0\].load: "),
+        ({"others": [SMALL | {"at": "nowhere"}]}, r"others\[0\].at: "),
+        ({"others": [{"indenter": "sphere:radius=5mm"}]}, r"others\[0\]"),
+    ],
+)
+def test_faults_name_their_place(changed, fault):
+    kept = {key: value for key, value in (BIG | {"others": [SMALL]} | changed).items() if value is not None}
+    with pytest.raises(InputError, match=fault):
+        parse_campaign({"case": [kept]}, PLACES, source="file")
+
+
+@pytest.mark.slow
+def test_bodies_far_apart_press_as_each_alone(case):
+    """24 mm apart on 2 mm the bodies do not feel each other."""
+    found = press_reference(ASSUMED_COVER, ARRAY, case)
+    alone = [press(ASSUMED_COVER, ARRAY, each.indenter, each.pose, load=each.load).texel_forces for each in case.bodies]
+    assert found.texel_forces == pytest.approx(sum(alone), abs=3e-3 * sum(alone).max())
+    assert found.balance == pytest.approx(0, abs=1e-3)
+    assert found.contact_area == pytest.approx(180e-6, rel=0.03)
+    assert found.unmeasured[2] == pytest.approx(-found.outside, abs=2e-3)
+    bench = LayeredBench(cover=ASSUMED_COVER, parameters=fastmodel.load("wts-0614-34"))
+    scored = bench.solve(case)
+    assert scored.predictions["fast"].score.misplaced_force < 0.015
+    assert scored.predictions["zeros"].score.misplaced_force == pytest.approx(0.5, abs=0.01)
+    boxes = scored.predictions["boxes"]
+    assert boxes.texel_forces.sum() + boxes.outside == pytest.approx(1.5, rel=1e-3)
+
+
+def test_overlaps_and_friction_are_refused(case):
+    near = read(others=[SMALL | {"at": "0mm,-9mm"}]).cases[0]
+    with pytest.raises(ValueError, match="overlap; move one"):
+        press_reference(ASSUMED_COVER, ARRAY, near)
+    with pytest.raises(ValueError, match="without friction; split them"):
+        press_reference(ASSUMED_COVER, ARRAY, case, friction=0.3)
+
+
+def test_the_campaign_of_the_report_has_its_two_squares():
+    cases = read_campaign(Path("report-2015"), PLACES).cases
+    assert len(cases) == 34
+    assert [round(each.load / 9.80665, 6) for each in cases[-1].bodies] == [0.1, 0.1]
+    assert np.abs(np.subtract(*(each.pose.at for each in cases[-1].bodies))).tolist() == pytest.approx([0, 0.018])
