@@ -41,6 +41,7 @@ def read_pad(small_pad, monkeypatch):
     monkeypatch.setattr(validation.api, "describe", lambda *_, **__: small_pad)
 
 
+@pytest.mark.slow
 def test_forces_balance_as_vectors(press):
     assert np.argmax(press.fem.texel_forces) == 4
     np.testing.assert_allclose(press.fem.force, [0, 0, -0.5], atol=1e-7)
@@ -75,6 +76,7 @@ def test_files_hold_the_forces(press, tmp_path, monkeypatch):
     np.testing.assert_allclose(contact[:, 3:].sum(axis=0), [0, 0, -0.5], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_friction_of_the_file_or_the_option_reaches_the_finite_elements(press, small_pad):
     sticky = dataclasses.replace(small_pad, friction=np.inf)
     found, smooth = (
@@ -89,6 +91,7 @@ def test_the_friction_of_the_file_or_the_option_reaches_the_finite_elements(pres
     np.testing.assert_array_equal(kept.texel_forces, found.texel_forces)
 
 
+@pytest.mark.slow
 def test_a_pose_by_names_is_that_of_a_campaign_file(small_pad):
     """Also its tilt, and the pose stands in the JSON."""
     texts = {"at": "edge", "direction": "oblique y", "yaw": "20deg", "tilt": "0deg,5deg"}
@@ -102,6 +105,7 @@ def test_a_pose_by_names_is_that_of_a_campaign_file(small_pad):
     assert np.dot(described["direction"], [0, 0, -1]) == pytest.approx(np.cos(np.radians(30)))
 
 
+@pytest.mark.slow
 def test_a_curve_of_a_solid_ends_at_the_press(small_pad, read_pad, softcover, tmp_path):
     words = ("press", "flat-pad", "--indenter", BALL, "--load", "0.5N", "--model", "fem", "--json")
     status, out, _ = softcover(*words, "--curve", "2", "--out", "curve")

@@ -69,6 +69,7 @@ def test_small_strain_equals_the_series(factor):
     assert force / (np.pi * (4 * factor) ** 2 * 3e-6) == pytest.approx(bonded_disk(factor).value, rel=1.5e-3)
 
 
+@pytest.mark.slow
 def test_energy_is_the_work_of_the_plates_and_force_its_derivative():
     squeezed = compress_disk(rubber(), radius=2e-3, height=2e-3, strains=np.linspace(0.01, 0.15, 8))
     travel = squeezed.strain * 2e-3

@@ -81,6 +81,7 @@ def test_a_planted_defect_is_found(bonded, monkeypatch):
     assert pressed_shape(cover, Sphere(radius=10e-3), exact.depth, cells=12).total_force < 0.5 * exact.force
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("nu", "shape"),
     [

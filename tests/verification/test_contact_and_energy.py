@@ -10,6 +10,8 @@ from meshes import Box, Pose, Roller, Sphere
 from tests.support.indentations import column_contact
 from tests.support.rubber import make_cover
 
+pytestmark = pytest.mark.slow
+
 BALL = Sphere(radius=4e-3)
 BOX = Box(size=(5e-3, 3e-3, 4e-3))
 ROLLER = Roller(radius=4e-3, length=5e-3)

@@ -103,6 +103,7 @@ def test_a_harmonic_pressure_gives_its_own_term(cylinder):
     assert moved == pytest.approx(waves * (term.compliance[0] @ [-5e3, 2e3]), abs=1e-9 * np.abs(moved).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", RATIOS)
 def test_wide_cylinders_tend_to_the_flat_layer(bonded, cylinder, nu):
     """A line load on a flat layer gives the base pressure (1 / pi) int base(k) cos(k x) dk."""
@@ -207,6 +208,7 @@ def ring(count, colatitudes, **options):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", RATIOS)
 @pytest.mark.parametrize("thickness", [pytest.param(2e-3, marks=pytest.mark.slow), 5.4e-3])
 def test_the_traction_on_a_sphere_balances_the_load(sphere, nu, thickness):
@@ -229,6 +231,7 @@ def test_the_traction_on_a_sphere_balances_the_load(sphere, nu, thickness):
     assert sum(patch.solid_angle for patch in patches) == pytest.approx(4 * np.pi, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", RATIOS)
 def test_wide_spheres_tend_to_the_flat_layer(bonded, sphere, nu):
     cover = bonded(nu)

@@ -13,6 +13,8 @@ from tests.exact.point_response import point_response_spline
 from tests.support.indentations import column_contact
 from tests.support.rubber import make_cover
 
+pytestmark = pytest.mark.slow
+
 ARRAY = TexelArray.grid(3, 3, pitch=3.4e-3)
 BALL = Sphere(radius=5e-3)
 
@@ -59,7 +61,7 @@ def test_the_surface_follows_the_ball_in_the_contact(hertz):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4, np.inf])
-@pytest.mark.parametrize("radius", [5e-3, pytest.param(20e-3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("radius", [5e-3, pytest.param(20e-3)])
 def test_fields_state_how_far_the_surface_is_off_the_indenter(friction, radius):
     cover, ball = make_cover(0.49, "linear-elastic"), Sphere(radius=radius)
     found = press(cover, ARRAY, ball, Pose.planar(at=(1e-3, 0.0)), depth=0.2e-3, friction=friction, fields=True)
@@ -87,7 +89,7 @@ def test_a_sharp_edge_is_the_worst_point_of_fields():
     assert stuck.fields.error < 1e-9  # there the displacement is prescribed
 
 
-@pytest.mark.parametrize("accuracy", [None, pytest.param(0.004, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("accuracy", [None, pytest.param(0.004)])
 def test_the_deformed_surface_follows_a_ball_at_finite_strain(accuracy):
     """Also where more accurate grids are solved than usual."""
     cover = make_cover(0.45)
@@ -127,11 +129,9 @@ def integrate_base(fields, array, at=(0.0, 0.0)):
             0.03,
             marks=pytest.mark.slow,
         ),
-        pytest.param("neo-hookean", BALL, {"depth": 0.4e-3}, 0.02, marks=pytest.mark.slow),
-        pytest.param("linear-elastic", BALL, {"load": 0.3, "friction": 0.4}, 0.02, marks=pytest.mark.slow),
-        pytest.param(
-            "linear-elastic", Box(size=(4e-3, 3e-3, 4e-3)), {"load": 0.3, "friction": 0.4}, 0.1, marks=pytest.mark.slow
-        ),
+        pytest.param("neo-hookean", BALL, {"depth": 0.4e-3}, 0.02),
+        pytest.param("linear-elastic", BALL, {"load": 0.3, "friction": 0.4}, 0.02),
+        pytest.param("linear-elastic", Box(size=(4e-3, 3e-3, 4e-3)), {"load": 0.3, "friction": 0.4}, 0.1),
     ],
 )
 def test_normal_stress_on_the_base_gives_the_texel_forces(model, shape, options, tolerance):
@@ -145,7 +145,6 @@ def test_normal_stress_on_the_base_gives_the_texel_forces(model, shape, options,
         assert (size <= friction * normal * (1 + 1e-2) + 1e-9).all()
 
 
-@pytest.mark.slow
 def test_fields_of_a_cover_of_limited_size_are_in_the_frame_of_the_array():
     cover = make_cover(0.45, "linear-elastic", size=(12e-3, 12e-3))
     found = press(cover, ARRAY, Box(size=(4e-3, 3e-3, 4e-3)), load=0.3, pose=Pose.planar(at=(1e-3, 0.0)), fields=True)
@@ -163,7 +162,6 @@ def two_layers(bonded):
     return cover, press(cover, ARRAY, BALL, load=0.2, fields=True)
 
 
-@pytest.mark.slow
 def test_two_layers_have_stresses_of_their_own_and_the_same_traction(two_layers):
     fields = two_layers[1].fields
     interface = np.flatnonzero(np.abs(fields.position[:, 2] - 1.5e-3) < 1e-12)
@@ -187,8 +185,7 @@ def test_base_stress_under_two_layers_is_the_exact_superposition(two_layers):
     assert -found.fields.stress[near, 2, 2] == pytest.approx(np.array(exact), abs=0.01 * max(exact))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("model", ["linear-elastic", pytest.param("neo-hookean", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("model", ["linear-elastic", pytest.param("neo-hookean")])
 def test_every_horizontal_plane_carries_the_load(model):
     """At small depth, where planes of the undeformed cover are nearly planes of the deformed cover."""
     found = press(make_cover(0.3, model), ARRAY, BALL, depth=0.02e-3, fields=True)

@@ -92,6 +92,7 @@ def match_columns(found, expected):
     return distance.argmin(axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_quarter_and_adjoint_equal_the_whole_cover_loaded_at_a_point(bonded, nu, base):
@@ -174,6 +175,7 @@ def test_exchanging_x_and_y_saves_work_and_changes_nothing(bonded, monkeypatch):
     assert np.abs(solve_adjoint(square, THREE, COARSE).texels - short).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_an_array_off_the_middle_gets_its_forces_too(bonded):
     """One texel of an uneven array has the influence it has in an even one."""
     cover = bonded(0.45, size=(14e-3, 12e-3))

@@ -16,6 +16,8 @@ from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from tests.exact.no_slip import stuck_shape
 
+pytestmark = pytest.mark.slow
+
 #: Share of the heights that counts as small strain.
 REST = 1e-3
 
@@ -43,7 +45,6 @@ def pressed(indenter, friction, *, nu=0.3, depth=2e-6, elements=4, fillet=None):
     return states[-1].total_force, solved.equilibria[-1].contact
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_a_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     # Rigid flat punch on a half-space (Johnson 1985, section 3.8): ln(3 - 4 nu) (1 - nu) / (1 - 2 nu).
@@ -52,14 +53,12 @@ def test_a_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     assert ratio == pytest.approx(np.log(3 - 4 * nu) * (1 - nu) / (1 - 2 * nu), rel=6e-3)
 
 
-@pytest.mark.slow
 def test_the_force_grows_with_friction():
     punch = Cylinder(radius=2e-3)
     forces = [pressed(punch, friction, depth=20e-6)[0] for friction in (0.0, 0.2, np.inf)]
     assert forces[0] < forces[1] < forces[2]
 
 
-@pytest.mark.slow
 def test_a_thin_incompressible_layer_is_nearly_four_times_stiffer_without_slip():
     # Squeezed between plates that hold both faces, the mean pressure is four times that with one face free (the
     # parabola of the flow has 12 / h^3 in place of 3 / h^3); the cover around the punch keeps the ratio below.
@@ -69,7 +68,6 @@ def test_a_thin_incompressible_layer_is_nearly_four_times_stiffer_without_slip()
     assert ratios[1] > 3.2
 
 
-@pytest.mark.slow
 def test_friction_at_finite_strain_tends_to_the_solution_on_cells():
     """A loading path alone is up to 1.7 % off on stiff layers over soft ones; it corrects the solution on cells."""
     array, ball = TexelArray.grid(4, 4, pitch=3.4e-3), Sphere(radius=4e-3)
@@ -92,7 +90,6 @@ def linearise(material):
     return replace(material, model="linear-elastic", parameters=parameters)
 
 
-@pytest.mark.slow
 def test_a_box_and_a_cylinder_without_slip_stiffen_alike():
     cover = rubber(0.49)
     half = np.sqrt(np.pi) / 2 * 3e-3
@@ -109,7 +106,6 @@ def test_a_box_and_a_cylinder_without_slip_stiffen_alike():
     assert loads[1] / loads[0] == pytest.approx(round_one[1] / round_one[0], rel=0.03)
 
 
-@pytest.mark.slow
 def test_distant_sides_do_not_change_a_contact_with_friction():
     array, ball = TexelArray.grid(4, 4, pitch=3.4e-3), Sphere(radius=4e-3)
     wide = rubber(0.45, "linear-elastic")
@@ -129,7 +125,7 @@ def test_a_ball_pressed_almost_to_its_rim_without_slip(bonded):
     assert found.contact_area == pytest.approx(np.pi * 0.9e-3**2, rel=found.error_estimate["contact_area"])
 
 
-@pytest.mark.parametrize("friction", [0.5, pytest.param(np.inf, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("friction", [0.5, pytest.param(np.inf)])
 def test_cells_end_at_the_rim_of_a_ball(bonded, friction):
     ball, array = Sphere(radius=0.5e-3), TexelArray.grid(3, 3, 3.4e-3)
     found = press(bonded(0.49), array, ball, depth=1.8e-3, friction=friction)

@@ -67,6 +67,7 @@ def test_displacements_are_reciprocal():
     assert (one * operator.displace(other)).sum() == pytest.approx((other * operator.displace(one)).sum(), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.49])
 @pytest.mark.parametrize("friction", [0.0, 0.05, 0.2, np.inf])
 def test_a_ball_on_cells_bears_the_force_on_rings(ratio, friction):

@@ -19,6 +19,8 @@ from tests.exact.rings import press_with_friction
 from tests.exact.tractions import transfer_to_base
 from tests.support.rubber import stack_layers
 
+pytestmark = pytest.mark.slow
+
 ARRAY, DEPTH, BALL = TexelArray.grid(5, 5, 3.4e-3), 0.2e-3, Sphere(radius=5e-3)
 SOFT = stack_layers((2e-3, 1e6, 0.3))
 STIFF_ON_SOFT = stack_layers((0.6e-3, 2e6, 0.1), (0.6e-3, 3e6, 0.4), (0.8e-3, 1e5, 0.45), base="sliding")
@@ -26,7 +28,7 @@ SKIN = stack_layers((2e-3, 2e5, 0.45), (0.1e-3, 20e6, 0.45))
 
 _ROUND = [
     *itertools.product((SOFT, STIFF_ON_SOFT), (BALL, Cone(angle=2.4, radius=8e-3), Cylinder(radius=1.5e-3))),
-    pytest.param(SKIN, BALL, marks=pytest.mark.slow),
+    pytest.param(SKIN, BALL),
 ]
 
 
@@ -46,7 +48,6 @@ def test_friction_agrees_with_boundary_elements(cover, indenter):
     assert found.contact_area == pytest.approx(area, rel=found.error_estimate["contact_area"] + 1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("indenter", [BALL, RoundedTip(radius=12e-3)])
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
 def test_a_growing_contact_without_slip_agrees_with_integral_equations(indenter, base):
@@ -77,7 +78,6 @@ def test_friction_stiffens_up_to_no_slip():
     assert loads[-1] == pytest.approx(stuck_punch(SOFT, 1.5e-3).stiffness * DEPTH, rel=1e-4)
 
 
-@pytest.mark.slow
 def test_a_face_on_a_stiff_foil_rubs_between_no_friction_and_no_slip():
     foil = stack_layers((2e-3, 2e5, 0.45), (0.1e-3, 2e9, 0.4))
     loads = [
@@ -112,7 +112,6 @@ def test_shear_waves_press_on_the_base_as_the_transfer_matrices_say(cover):
     np.testing.assert_allclose(solve_waves(cover, k).tilting, expected, atol=1e-5 * np.abs(expected).max())
 
 
-@pytest.mark.slow
 def test_shear_near_free_sides_is_reciprocal_and_turns_with_the_indenter():
     rng, cover = np.random.default_rng(0), replace(SOFT, size=(7e-3, 5e-3))
     x, y = rng.uniform(-1e-3, 1e-3, (2, 6))

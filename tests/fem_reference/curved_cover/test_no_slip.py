@@ -11,6 +11,8 @@ from meshes.solids.covers import take_meshes
 from tests.support.rotated_poses import rotated_pose
 from tests.support.rubber import make_rubber
 
+pytestmark = pytest.mark.slow
+
 PAD = flat_pad(size=(8e-3, 8e-3), rows=2)
 MESH = PAD.mesh(1.6e-3, layers=2)
 DOWN = np.array([0.0, 0, -1])
@@ -63,7 +65,6 @@ def test_friction_carries_a_part_of_the_shear_without_slip():
     assert loads[0] < loads[1] < loads[2]
 
 
-@pytest.mark.slow
 def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover():
     """The compliance of the flat cover is that of waves, without a mesh of the cover."""
     pad, material, at = flat_pad(size=(14e-3, 14e-3), rows=2), make_rubber(0.0, "linear-elastic"), (0.3e-3, 0.2e-3)

@@ -36,6 +36,7 @@ def test_the_depth_of_a_point_in_a_body(indenter, point, inside):
     assert measure_penetration(indenter, np.array([point]))[0] == pytest.approx(inside, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_body_that_passes_a_part_that_is_not_touched_is_an_error():
     outside = MESH.nodes[MESH.top][..., 0].mean(axis=1) > 1e-3
     part = dataclasses.replace(MESH, top=MESH.top[~outside], left_out=MESH.top[outside])
@@ -53,6 +54,7 @@ def test_a_body_that_passes_a_part_that_is_not_touched_is_an_error():
     assert press(cover, PAD.texels, narrow, Pose.facing([-2e-3, 0, 10e-3], [0, 0, -1]), depth=0.1e-3).total_force > 0
 
 
+@pytest.mark.slow
 def test_the_error_of_the_shape_counts_in_the_depth_and_is_said_where_it_is_large():
     known = press(take_meshes((MESH,), RUBBER), PAD.texels, Sphere(radius=6e-3), DOWN, load=0.3)
     for size, told in ((2e-6, False), (0.2e-3, True)):

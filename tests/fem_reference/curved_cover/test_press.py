@@ -39,6 +39,7 @@ def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
     assert find_touch(top, BALL, beside) == np.inf
 
 
+@pytest.mark.slow
 def test_load_and_depth_control_agree_and_the_base_bears_the_load(full_cells):
     pose = at_angle(0.3, y=0.5e-3)
     loaded = press(SOLID, COVER.texels, BALL, pose, load=0.5)
@@ -53,6 +54,7 @@ def test_load_and_depth_control_agree_and_the_base_bears_the_load(full_cells):
     assert np.isnan(loaded.error_estimate["depth"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "tolerance"), [(0.0, 1e-8), (np.inf, 4e-7)])
 def test_mirrored_presses_give_mirrored_forces(friction, tolerance):
     one, other = (
@@ -146,6 +148,7 @@ def test_a_deep_press_warns():
     assert "strains are not small" in found.warnings[0]
 
 
+@pytest.mark.slow
 def test_a_finer_mesh_is_added_for_an_accuracy_and_what_is_missed_is_stated():
     meshes = [MESH, COVER.mesh(1.7e-3, layers=2)]
     finer = COVER.mesh(1.4e-3, layers=2)

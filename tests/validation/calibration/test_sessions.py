@@ -93,6 +93,7 @@ def choose(heights):
     return choose_options(METHOD, fitted, replace(OPTIONS, heights=True), scored)
 
 
+@pytest.mark.slow
 def test_cross_validation_takes_heights_for_an_uneven_seat_only_where_they_predict_better():
     uneven = np.random.default_rng(9).uniform(0, 3.0, ARRAY.count)
     chosen, errors = choose(uneven)

@@ -67,6 +67,7 @@ def result(bench, plan, cost):
     return run_campaign(bench, plan.cases, plan=cost)
 
 
+@pytest.mark.slow
 def test_a_stored_press_is_the_press(small_pad, plan, result):
     case = plan.cases[1]
     with stored_only():

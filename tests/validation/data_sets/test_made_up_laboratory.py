@@ -30,6 +30,8 @@ from validation.report import write_report
 from validation.results.report import read_report
 from validation.sensor_file import load
 
+pytestmark = pytest.mark.slow
+
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
 WARM, DEAD_WARM = 0.012, -0.0008
 HOME, MOVED = Pose(1e-3, -2e-3), Pose(2.6e-3, -0.9e-3)

@@ -105,6 +105,7 @@ def test_each_split_scores_recordings_that_it_does_not_fit(folder):
     }
 
 
+@pytest.mark.slow
 def test_the_square_s_recordings_determine_level_places_and_temperature(folder, gains):
     images, _ = read_images(find_data_set(folder), SENSOR.array)
     images = [

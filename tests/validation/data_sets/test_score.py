@@ -27,6 +27,8 @@ from validation.data_sets.results import compare_with_nulls
 from validation.errors import InputError
 from validation.sensor_file import load
 
+pytestmark = pytest.mark.slow
+
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
 #: Largest count in the recordings and largest that the sensor gives [-].
 WHITE, MOST = 4095, SENSOR.electronics.output_max

@@ -107,6 +107,7 @@ def calibrated(folder, change, *, lift, window="[2, 6]", noise=3.0):
     return calibrate(observe(images), METHOD), problems
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["offset", "falls, lifted", "drifts", "small, lifted"])
 def test_the_calibration_is_that_of_counts_without_an_offset(name, tmp_path):
     change, lift = CHANGES[name]

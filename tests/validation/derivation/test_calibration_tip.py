@@ -30,6 +30,7 @@ def under_the_tip():
     return np.array([indent_exactly(COVER, tip, load=load).texel_forces(array, centre) for load in LOADS])
 
 
+@pytest.mark.slow
 def test_a_calibration_through_the_cover_gives_back_the_line(under_the_tip):
     parameters = fastmodel.load("wts-0614-34")
     counts = parameters.electronics.counts(under_the_tip)[:, parameters.array.middle]

@@ -32,6 +32,7 @@ def fast(cover, mesh):
     return derive_points(mesh, cover.texels, RUBBER)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "tilt", "direction"),
     [

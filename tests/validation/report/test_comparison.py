@@ -2,10 +2,14 @@
 
 import re
 
+import pytest
+
 from tests.support.report_page import Page
 from validation.campaign.results import MODELS
 from validation.metrics import METRICS
 from validation.report.page import describe_comparison
+
+pytestmark = pytest.mark.slow
 
 #: Metrics in the order of the table's columns, which begin after two columns of text.
 SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")

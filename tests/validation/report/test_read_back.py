@@ -20,6 +20,7 @@ from validation.results.report import Report
 NUMBERS = st.floats(allow_nan=True, allow_infinity=False)
 
 
+@pytest.mark.slow
 def test_a_report_reads_back_as_the_object_that_wrote_it(evaluation, tmp_path):
     report = evaluation.report
     (tmp_path / "report.json").write_text(json_text(report))

@@ -55,6 +55,7 @@ def test_the_page_shows_words_and_no_code(folder, evaluation):
         assert f"N at {case.case.place};" in text
 
 
+@pytest.mark.slow
 def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tmp_path):
     assert "assumed cover" in (folder / "index.html").read_text()
     known = load("wts-0614-34", material="neoprene", thickness="2mm")

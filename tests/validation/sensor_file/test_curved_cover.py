@@ -47,6 +47,7 @@ def test_texels_are_projected_onto_the_base(tmp_path):
     assert sensor.cover.source == "outer.stl and 2 mm below it"
 
 
+@pytest.mark.slow
 def test_facets_are_smoothed_and_what_remains_is_said(tmp_path):
     write_ball(tmp_path)
     smooth, kept = (load(write_sensor(tmp_path, each)) for each in (SMOOTH, COVER))
@@ -234,6 +235,7 @@ def write_revolved(folder, *radii):
     trimesh.creation.revolve(np.array(profile), sections=48).export(folder / "outer.stl")
 
 
+@pytest.mark.slow
 def test_a_mounting_face_is_asked_about_and_left_out(tmp_path):
     write_revolved(tmp_path, 8.0)
     closed = load(write_sensor(tmp_path, SMOOTH, texel="0,0,8")).cover

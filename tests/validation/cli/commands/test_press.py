@@ -59,6 +59,7 @@ def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatc
 PUNCH = ("press", "wts-0614-34", "--indenter", "cylinder:radius=4mm", "--load", "2N", "--model", "fem")
 
 
+@pytest.mark.slow
 def test_an_accuracy_is_reached_or_missed_with_status_1_or_refused(softcover):
     status, _, err = softcover(*PUNCH, "--accuracy", "1%")
     assert (status, "wanted" in err) == (0, False)

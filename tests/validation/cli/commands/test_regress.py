@@ -34,6 +34,7 @@ def regress(softcover, parameters, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_verdict_on_a_folder_of_parameters(regress, parameters, tmp_path):
     status, out, err = regress()
     assert (status, out) == (2, "")
@@ -86,6 +87,7 @@ def test_a_change_is_told_stored_and_then_passes(regress, parameters, tmp_path):
     assert regress(changed=other)[0] == 0
 
 
+@pytest.mark.slow
 def test_json_holds_changes_and_all_values(regress, parameters):
     regress("--update")
     other = replace(parameters, filter=Butterworth(cutoff_hz=31.5))
