@@ -225,7 +225,7 @@ def _list_limits(bench: Bench, case: MovingCase, samples: Samples, resonance: fl
     if bench.friction and (np.diff(samples.loads) < 0).any():
         yield "the load falls: with friction the slip of unloading is not computed"
     if count := np.count_nonzero(np.diff(samples.loads > 0)):
-        yield f"contact is made or lost {count} times: adhesion is not computed, and these moments are listed apart"
+        yield f"instants at which contact is made or lost: {count}; adhesion is not computed, and they are listed apart"
 
 
 def find_touches(loads: FloatArray) -> BoolArray:
