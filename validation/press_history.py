@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import logging
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 from meshes.array_types import FloatArray
 from meshes.bounded_file import FileLimitError, read_text
 from meshes.relaxation import Relaxation
-from validation.errors import InputError
+from validation.errors import InputError, at
 from validation.extras import MissingExtraError
 from validation.json_values import json_text
 from validation.moving.inertia import BANDWIDTH, SLOW, find_resonance, warn_of_inertia
@@ -76,11 +75,9 @@ class History:
         pressed = np.flatnonzero(self.values)
         if not len(pressed):
             raise InputError(f"has no {self.control} above zero, so that nothing presses")
-        lifted = [k for k in range(pressed[0], len(self.values) - 1) if self.values[k] == 0]
-        if lifted:
-            raise InputError(
-                f"lifts off at {self.times[lifted[0]]:g} s; end it there, or keep the {self.control} positive"
-            )
+        lifted = np.flatnonzero(np.array(self.values[pressed[0] : -1]) == 0) + pressed[0]
+        if len(lifted):
+            raise InputError(f"lifts off at {self.times[lifted[0]]:g} s; end it there, or keep the {self.control} up")
 
     @property
     def fastest(self) -> float:
@@ -106,18 +103,16 @@ def read_history(path: Path) -> History:
         raise InputError(
             f"--history: {path}: {_EXAMPLE}; slides and changing tilts are not computed on relaxing covers"
         )
-    rows = []
-    for number, line in enumerate(csv.reader(lines[1:]), 2):
-        try:
-            time, value = map(float, line)
-        except ValueError:
-            raise InputError(f"--history: {path}: line {number} is not two numbers; {_EXAMPLE}") from None
-        rows.append((time, value))
-    times, values = zip(*rows, strict=True) if rows else ((), ())
-    try:
+    with at(f"--history: {path}: "):
+        rows = []
+        for number, line in enumerate(lines[1:], 2):
+            try:
+                time, value = map(float, line.split(","))
+            except ValueError:
+                raise InputError(f"line {number} is not two numbers; {_EXAMPLE}") from None
+            rows.append((time, value))
+        times, values = zip(*rows, strict=True) if rows else ((), ())
         return History(control=_COLUMNS[columns[1]], times=times, values=values)
-    except InputError as error:
-        raise InputError(f"--history: {path}: {error}") from None
 
 
 def read_hold(text: str, control: Literal["load", "depth"], value: float) -> History:
@@ -220,11 +215,9 @@ class HistoryPress:
 
     def pick_rows(self) -> list[dict[str, float]]:
         """Return about ten of the rows: the first ones of a few given instants, and others between them."""
-        times, count = self.followed.times, len(self.followed.times)
-        given = np.searchsorted(times, self.history.times[: _SHOWN * (len(self.history.times) <= _SHOWN)])
-        picked = np.union1d(given, np.linspace(0, count - 1, _SHOWN).astype(int))
-        rows = self.rows()
-        return [rows[k] for k in picked.tolist()]
+        rows, times = self.rows(), self.history.times
+        given = np.searchsorted(self.followed.times, times if len(times) <= _SHOWN else ())
+        return [rows[k] for k in np.union1d(given, np.linspace(0, len(rows) - 1, _SHOWN).astype(int)).tolist()]
 
     def as_json(self) -> dict[str, Any]:
         """Return the result under the names that the command line prints as JSON."""

@@ -189,30 +189,24 @@ class PressRequest:
             PiercedError: If the indenter would pierce the cover.
             ConvergenceError: If the finite elements do not converge.
         """
-        from fem_reference.indentation.relaxing import HistoryError, find_relaxation, follow_press
+        from fem_reference.indentation.relaxing import find_relaxation, follow_press
         from validation.press_history import HistoryPress
 
         if not isinstance(self.sensor, SensorDescription) or self.history is None:
             raise InputError("a history needs the description of the cover")
-        cover, history = (
-            self.sensor.require_layers("--history, --hold: curved covers are not computed in time"),
-            self.history,
-        )
+        cover = self.sensor.require_layers("--history, --hold: curved covers are not computed in time")
         if self._choose_friction()[0]:
             raise InputError(f"{self._choose_friction()[1]}: histories have no friction; write --friction 0")
         case = self.find_case(progress)
         with name_unsupported("--friction", others="--"):
-            relaxation = find_relaxation(cover)
-            try:
-                followed = follow_press(
-                    cover, self.sensor.array, case.indenter, case.pose, times=history.times,
-                    **{f"{history.control}s": history.values}, progress=progress,
-                )  # fmt: skip
-            except HistoryError as error:
-                raise InputError(f"--history: {error}") from None
-        return HistoryPress(
-            case=case, array=self.sensor.array, cover=cover, relaxation=relaxation, history=history, followed=followed
-        )
+            followed = follow_press(
+                cover, self.sensor.array, case.indenter, case.pose, times=self.history.times,
+                **{f"{self.history.control}s": self.history.values}, progress=progress,
+            )  # fmt: skip
+            return HistoryPress(
+                case=case, array=self.sensor.array, cover=cover, relaxation=find_relaxation(cover),
+                history=self.history, followed=followed,
+            )  # fmt: skip
 
     def _press_path(
         self, case: Case, points: int, *, fields: bool = False, as_far: bool, progress: Progress | None

@@ -20,7 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -31,7 +32,7 @@ from fem_reference.errors import UnsupportedError
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.indentation.press import press_path
 from fem_reference.indentation.result import Indentation
-from meshes import Cover, Indenter, Layer, Pose, TexelArray
+from meshes import Cover, Indenter, Layer, Pose, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.relaxation import Relaxation
 
@@ -46,10 +47,6 @@ _INSTANTS, _FIRST = 240, 1e-5
 _FEWEST = 3
 #: Decrease of a contact over its depth that is rounding [-].
 _ROUNDING = 1e-9
-
-
-class HistoryError(ValueError):
-    """A history that leaves what the heredity integral covers, or lifts off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,17 +180,18 @@ def follow_press(
         progress: Called with a line of text before each solve.
 
     Raises:
-        HistoryError: If the indenter lifts off, or is pressed a second time without a flat face.
-        UnsupportedError: If the cover is not linear, has no relaxation or several, or the contact shrinks on a cover
-            with a constant bulk modulus.
+        UnsupportedError: If the cover is not linear, has no relaxation or several, the indenter lifts off, its contact
+            grows a second time, or shrinks on a cover with a constant bulk modulus.
         PiercedError: If the indenter would pierce the cover.
         ConvergenceError: If the finite elements do not converge.
     """
     relaxation = find_relaxation(cover)
     control: Control = "load" if depths is None else "depth"
     values = np.array(loads if depths is None else depths, dtype=np.float64)
-    peak = find_peak(np.array(times), values, relaxation) if control == "load" else float(values.max())
-    flat = indenter.is_flat
+    grid, flat = _divide(np.array(times), _INSTANTS), tilt_indenter(indenter, pose.tilt).is_flat
+    peak = float(values.max())
+    if control == "load":
+        peak = float(_Integral(grid, relaxation).invert(np.interp(grid, times, values)).max())
     power = 1.0 if flat else 3.0 if control == "load" else 2.0
     shares = np.array([0.5, 1.0]) if flat else np.linspace(1 / _POINTS, 1, _POINTS) ** power
 
@@ -208,26 +206,9 @@ def follow_press(
         levels = (1 + least) / 2 + (1 - least) / 2 * np.cos(np.pi * np.arange(1, _LEVELS) / (_LEVELS - 1))
         curves |= {level: ElasticCurve.of(press(level, "depth", curves[1.0].depths)) for level in levels.tolist()}
     found = follow_curves(curves, relaxation, times, values, control=control, is_flat=flat)
-    errors = [
-        each.error_estimate[name] * share
-        for each in presses
-        for name, share in (
-            ("total_force", each.total_force / presses[-1].total_force), ("depth", each.depth / presses[-1].depth)
-        )
-    ]  # fmt: skip
-    return replace(found, error_estimate={"presses": max(errors)} | found.error_estimate)
-
-
-def find_peak(times: FloatArray, loads: FloatArray, relaxation: Relaxation) -> float:
-    """Return the load under which an elastic cover has the largest contact of a history, at a constant nu [N].
-
-    Args:
-        times: Ascending instants, the first one zero [s].
-        loads: Load at each instant [N].
-        relaxation: Relaxation of the cover.
-    """
-    grid = _divide(times, _INSTANTS)
-    return float(_Integral(grid, relaxation).invert(np.interp(grid, times, loads)).max())
+    names, largest = ("total_force", "depth"), presses[-1]
+    error = max(e.error_estimate[name] * getattr(e, name) / getattr(largest, name) for e in presses for name in names)
+    return replace(found, error_estimate={"presses": error} | found.error_estimate)
 
 
 def follow_curves(
@@ -251,7 +232,6 @@ def follow_curves(
         is_flat: Whether the contact is the same at all depths.
 
     Raises:
-        HistoryError: As `follow_press`.
         UnsupportedError: As `follow_press`.
     """
     instants = np.array(times, dtype=np.float64)
@@ -318,8 +298,7 @@ def _divide(instants: FloatArray, count: int) -> FloatArray:
     return np.union1d(instants, inner)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Course:
+class _Course(NamedTuple):
     """Course of a press on one grid of k instants.
 
     Attributes:
@@ -333,41 +312,25 @@ class _Course:
     contact: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Shrunk:
-    """State of a shrinking contact at one instant.
-
-    Attributes:
-        interval: Interval of the loading in which the contact had its size.
-        contact: Depth of the elastic cover with that contact [m].
-    """
-
-    interval: int
-    contact: float
-
-
 class _Follower:
     """Follows one history on one grid of n instants, given the elastic curves by their share of the shear modulus."""
 
     def __init__(self, integral: _Integral, curves: Mapping[float, ElasticCurve], is_flat: bool) -> None:
         self._integral, self._flat, self._curve = integral, is_flat, curves[1.0]
-        levels, eye = list(curves), np.eye(len(integral.weights))
+        eye = np.eye(len(integral.weights))
         self._parts = [(integral.matrix, self._curve)]
-        if len(levels) > 1:
-            self._parts = []
-            for level, curve in curves.items():
-                matrix = eye
-                for other in levels:
-                    if other != level:
-                        matrix = matrix @ (integral.matrix - other * eye) / (level - other)
-                self._parts.append((matrix, curve))
+        if len(curves) > 1:
+            factors = {
+                level: [(integral.matrix - other * eye) / (level - other) for other in curves if other != level]
+                for level in curves
+            }
+            self._parts = [(reduce(np.matmul, factors[level]), curve) for level, curve in curves.items()]
 
     def follow(self, control: Control, given: FloatArray, times: FloatArray) -> _Course:
         """Return the course of forces and depths.
 
         Raises:
-            HistoryError: If the indenter lifts off or is pressed a second time.
-            UnsupportedError: If the contact shrinks on a cover with a constant bulk modulus.
+            UnsupportedError: As `follow_press`.
         """
         contact = given if control == "depth" else self._find_depths(given)
         last = len(given) - 1 if self._flat else _find_growth(contact)
@@ -383,19 +346,19 @@ class _Follower:
         for i in range(last + 1, len(given)):
             shrink = self._shrink_depth if control == "depth" else self._shrink_load
             found = shrink(i, given[i], depth, pressed[:, 0])
-            if found is None or found.contact > contact[i - 1] * (1 + 1e-6):
+            if found is None or found[1] > contact[i - 1] * (1 + 1e-6):
                 fault = (
-                    "lifts off" if found is None else "begins to press a second time, because its contact grows again,"
+                    "the indenter lifts off" if found is None else "a contact grows again, as pressed a second time,"
                 )
-                raise HistoryError(f"the indenter {fault} at {times[i]:.4g} s; end the history before")
-            k, weights, contact[i] = found.interval, self._integral.weights[i], found.contact
+                raise UnsupportedError(f"{fault} at {times[i]:.4g} s; end the history before", "history")
+            (k, contact[i]), weights = found, self._integral.weights[i]
             before = pressed[k - 1] if k else np.zeros_like(pressed[0])
             forces[i] = weights[:k] @ np.diff(pressed[:k], axis=0, prepend=np.zeros_like(pressed[:1]))
             forces[i] += weights[k] * (self._curve.forces(contact[i : i + 1])[0] - before)
         lifted = np.flatnonzero((forces[:-1, 0] <= 0) & (contact[:-1] > 0))
         if len(lifted):
-            raise HistoryError(f"the indenter lifts off at {times[lifted[0]]:.4g} s; end the history before")
-        return _Course(forces=forces, depths=depth, contact=contact)
+            raise UnsupportedError(f"the indenter lifts off at {times[lifted[0]]:.4g} s; end before", "history")
+        return _Course(forces, depth, contact)
 
     def _find_depths(self, loads: FloatArray) -> FloatArray:
         """Return the depth at each instant under loads, while the contact grows, shape (n,) [m]."""
@@ -413,8 +376,11 @@ class _Follower:
             values[:, i] = [curve.force(depths[i]) for _, curve in self._parts]
         return depths
 
-    def _shrink_depth(self, i: int, _: float, depth: FloatArray, elastic: FloatArray) -> _Shrunk | None:
-        """Return the contact at instant i under given depths; None if the indenter lifts off."""
+    def _shrink_depth(self, i: int, _: float, depth: FloatArray, elastic: FloatArray) -> tuple[int, float] | None:
+        """Return the contact at instant i under given depths; None if the indenter lifts off.
+
+        It is the interval of the loading in which the contact had its size, and its depth on the elastic cover [m].
+        """
         weighted = self._integral.weights[i, : i + 1] * np.diff(depth[: i + 1], prepend=0.0)
         kept = np.cumsum(weighted[::-1])[::-1][: len(elastic)]
         found = np.flatnonzero(kept >= 0)
@@ -423,10 +389,10 @@ class _Follower:
         k = int(found[-1])
         before = depth[k - 1] if k else 0.0
         share = kept[k] / weighted[k] if weighted[k] > 0 else 1.0
-        return _Shrunk(interval=k, contact=float(before + share * (depth[k] - before)))
+        return k, float(before + share * (depth[k] - before))
 
-    def _shrink_load(self, i: int, load: float, depth: FloatArray, elastic: FloatArray) -> _Shrunk:
-        """Return the contact at instant i under a given load, and set the depth there."""
+    def _shrink_load(self, i: int, load: float, depth: FloatArray, elastic: FloatArray) -> tuple[int, float]:
+        """Return the contact at instant i under a given load, as `_shrink_depth`, and set the depth there."""
         weights = self._integral.weights[i]
         gained = np.cumsum(weights[: len(elastic)] * np.diff(elastic, prepend=0.0))
         k = min(int(np.searchsorted(gained, load)), len(elastic) - 1)
@@ -434,7 +400,7 @@ class _Follower:
         steps = np.diff(depth[:i], prepend=0.0)
         later = weights[k] * (depth[k] - contact) + weights[k + 1 : i] @ steps[k + 1 :]
         depth[i] = depth[i - 1] - later / weights[i]
-        return _Shrunk(interval=k, contact=contact)
+        return k, contact
 
 
 def _compare(coarse: _Course, fine: _Course, at: FloatArray, instants: FloatArray) -> float:

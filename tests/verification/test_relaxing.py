@@ -8,7 +8,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from fem_reference.closed_form.contact import indent
-from fem_reference.indentation.relaxing import ElasticCurve, HistoryError, follow_curves, follow_press
+from fem_reference.errors import UnsupportedError
+from fem_reference.indentation.relaxing import ElasticCurve, follow_curves, follow_press
 from meshes import Cover, Cylinder, Layer, Material, Pose, Sphere
 from meshes.catalogue import ARRAYS
 from meshes.relaxation import Relaxation
@@ -102,7 +103,7 @@ def test_loads_and_depths_of_one_press_belong_together():
     ],
 )
 def test_histories_beyond_the_integrals_are_refused(times, values, fault):
-    with pytest.raises(HistoryError, match=fault):
+    with pytest.raises(UnsupportedError, match=fault):
         follow_ball(PRONY, times, **values)
 
 
@@ -134,6 +135,17 @@ def test_texels_under_a_face_keep_their_shares_at_a_constant_poisson_ratio(faces
     assert np.abs(found.fast[:, :-1] - found.texel_forces).max() < 1e-6
     moved = faces["constant", "load"].texel_forces / faces["constant", "load"].forces[:, None]
     assert np.abs(moved - moved[0]).max() > 1e-4
+
+
+@pytest.mark.slow
+def test_a_tilted_face_has_a_contact_that_grows():
+    cover, face = make_cover(PRONY), Cylinder(radius=3e-3)
+    found = follow_press(
+        cover, ARRAYS["wts-0614-34"], face, Pose(tilt=(0.02, 0.0)), times=[0.0, 60.0], loads=[0.05, 0.05]
+    )
+    moved = np.abs(found.texel_forces[-1] - found.fast[-1, :-1]).sum() / 0.05
+    assert moved > 0.01
+    assert found.depths[-1] < 1.9 * found.depths[0]
 
 
 @pytest.mark.slow
