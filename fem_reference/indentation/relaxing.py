@@ -347,9 +347,7 @@ class _Follower:
             shrink = self._shrink_depth if control == "depth" else self._shrink_load
             found = shrink(i, given[i], depth, pressed[:, 0])
             if found is None or found[1] > contact[i - 1] * (1 + 1e-6):
-                fault = (
-                    "the indenter lifts off" if found is None else "a contact grows again, as pressed a second time,"
-                )
+                fault = "the indenter lifts off" if found is None else "the contact grows a second time"
                 raise UnsupportedError(f"{fault} at {times[i]:.4g} s; end the history before", "history")
             (k, contact[i]), weights = found, self._integral.weights[i]
             before = pressed[k - 1] if k else np.zeros_like(pressed[0])
