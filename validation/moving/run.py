@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 RATE = 1000.0
 #: Time from an instant at which contact is made or lost, within which an instant is listed apart [s].
 _NEAR = 0.02
+#: Share of the largest load below which there is no contact: rounding of a load that comes to zero [-].
+_NOTHING = 1e-9
 #: Largest number of instants in the series of a result, and decimals of the forces there [-].
 _MOST_SHOWN, _DIGITS = 500, 6
 #: Null model: the truth through the sensor's filter and frames.
@@ -224,8 +226,14 @@ def _list_limits(bench: Bench, case: MovingCase, samples: Samples, resonance: fl
         yield "the indenter slides: its friction, which is computed for a press, has another direction then"
     if bench.friction and (np.diff(samples.loads) < 0).any():
         yield "the load falls: with friction the slip of unloading is not computed"
-    if count := np.count_nonzero(np.diff(samples.loads > 0)):
+    if count := np.count_nonzero(_list_changes(samples.loads)):
         yield f"instants at which contact is made or lost: {count}; adhesion is not computed, and they are listed apart"
+
+
+def _list_changes(loads: FloatArray) -> BoolArray:
+    """Return whether contact is made or lost from the sample before to each sample, shape (k,)."""
+    touches = loads > _NOTHING * loads.max()
+    return np.asarray(np.diff(touches, prepend=touches[0]))
 
 
 def find_touches(loads: FloatArray) -> BoolArray:
@@ -236,8 +244,7 @@ def find_touches(loads: FloatArray) -> BoolArray:
     """
     from scipy.ndimage import maximum_filter1d
 
-    changes = np.diff(loads > 0, prepend=loads[0] > 0)
-    return np.asarray(maximum_filter1d(changes, 2 * round(_NEAR * RATE) + 1, mode="constant"))
+    return np.asarray(maximum_filter1d(_list_changes(loads), 2 * round(_NEAR * RATE) + 1, mode="constant"))
 
 
 def hold(forces: FloatArray, frames_per_second: float) -> FloatArray:

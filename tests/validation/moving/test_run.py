@@ -157,6 +157,15 @@ def test_samples_within_20_ms_of_contact_are_near_it(first):
     assert near.tolist() == expected
 
 
+def test_every_tap_loses_contact_for_a_moment():
+    """25 taps: 24 instants between them at which the load comes to zero, each lost and made, and the first and last."""
+    found = score(make_case((0.0, 0.01, 0.02), (0.0, 2.0, 0.0), [(0.0, 0.0)] * 3, repeat=25))
+    assert any("made or lost: 50;" in each for each in found.warnings)
+    rows = {each.model: each for each in found.scores}
+    assert np.isnan(rows["fast"].misplaced)
+    assert rows["fast"].touching > 0.03
+
+
 def test_a_falling_ball_hits_the_cover_after_the_time_of_its_fall_and_comes_to_rest():
     """sqrt(2 h / g), within two steps; its momentum m sqrt(2 g h) is the integral of the force over its weight."""
     from meshes import Pose
