@@ -169,7 +169,8 @@ class Sensor:
         self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
         self._interval, self._reader, self._functions = interval, reader, functions
         self._geoms = find_geoms_of(model, name, suffix)
-        self._waits = self._every is None and self._contact.costly and parameters.filter is None
+        unfiltered = parameters.filter is None and parameters.electronics.high_pass_hz is None
+        self._waits = self._every is None and self._contact.costly and unfiltered
         self._remembers = parameters.electronics.hysteresis_share > 0 or parameters.electronics.creep > 0
         self._validity = parameters.validity
         #: Distance of centres of pressure above which a warning is given, half a pitch [m]; None after the warning.
@@ -186,7 +187,7 @@ class Sensor:
         """Choose the number of physics steps between two samples of the contact forces [-]."""
         if self._every or not self._contact.costly:
             return self._every or 1
-        if self.parameters.filter is None:
+        if self.parameters.filter is None:  # A high-pass without it takes all steps.
             return 1  # of these steps, only those at which a frame is due are sampled
         wanted = max(self.parameters.electronics.rate_hz, _SAMPLES_PER_CUTOFF * self.parameters.filter.cutoff_hz)
         return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * model.opt.timestep)))

@@ -251,6 +251,14 @@ def _list_space(parameters: Parameters) -> Iterator[Entry]:
 def _list_time(parameters: Parameters, source: str) -> Iterator[Entry]:
     rate, low_pass = parameters.electronics.rate_hz, parameters.filter
     text = NOT_STATED if low_pass is None else f"{low_pass.cutoff_hz:.4g} Hz (Butterworth, order {low_pass.order})"
+    if (high := parameters.electronics.high_pass_hz) is not None:
+        yield _make_entry(
+            "high-pass",
+            f"{high:.4g} Hz (first order)",
+            "frequency below which the amplitude falls by more than 3 dB; a held force reads zero",
+            source,
+            {"high_pass_hz": high},
+        )
     yield _make_entry(
         "bandwidth",
         f"{text}; {rate:.4g} frames/s hold up to {rate / 2:.4g} Hz",

@@ -35,6 +35,7 @@ def write_block(parameters: Parameters) -> str:
     faults = {
         "the spread must be a Gaussian": not isinstance(spread, Gaussian),
         "the characteristic must be a straight line": electronics.characteristic is not None,
+        "no high-pass may be given": electronics.high_pass_hz is not None,
         "the array must be flat": not array.planar,
         "no texel may be masked": not array.active.all(),
     }

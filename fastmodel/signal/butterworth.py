@@ -62,6 +62,29 @@ class Butterworth:
         return sections
 
 
+def list_sections(design: Butterworth | None, rate_hz: float, high_pass_hz: float | None = None) -> FloatArray:
+    """Return the second-order sections of a low-pass and a first-order high-pass behind it, shape (s, 6) [-].
+
+    Args:
+        design: The low-pass filter; None for none.
+        rate_hz: Sampling rate [Hz].
+        high_pass_hz: Cut-off of the high-pass, as of a piezoelectric array; None for none [Hz].
+
+    Raises:
+        FastModelError: If a cut-off is not below half the sampling rate.
+    """
+    sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
+    if high_pass_hz is None:
+        return sections
+    if not 0 < high_pass_hz < rate_hz / 2:
+        raise FastModelError(
+            f"high_pass_hz must lie below half the sampling rate of {rate_hz:g} Hz, not {high_pass_hz}"
+        )
+    from scipy.signal import butter
+
+    return np.vstack([sections, butter(1, high_pass_hz, "highpass", fs=rate_hz, output="sos")])
+
+
 class LowPass:
     """A low-pass filter sampled at a rate, as pure functions of the states and samples of any number of signals.
 
@@ -69,23 +92,24 @@ class LowPass:
     constant matrix maps the states and the new sample of every signal to the next states and the filtered sample.
     """
 
-    def __init__(self, design: Butterworth | None, rate_hz: float) -> None:
+    def __init__(self, design: Butterworth | None, rate_hz: float, high_pass_hz: float | None = None) -> None:
         """Build the matrix of the filter.
 
         Args:
             design: The low-pass filter; None passes every sample unchanged.
             rate_hz: Sampling rate [Hz].
+            high_pass_hz: Cut-off of a first-order high-pass behind it; None for none [Hz].
 
         Raises:
             FastModelError: If the cut-off is not below half the sampling rate.
         """
-        sections, resting = np.zeros((0, 6)), np.zeros((0, 2))
-        if design is not None:
+        sections, resting = list_sections(design, rate_hz, high_pass_hz), np.zeros((0, 2))
+        if len(sections):
             from scipy.signal import sosfilt_zi
 
-            sections = design.sections(rate_hz)
             resting = sosfilt_zi(sections)
-        self._transition, self._steady = _combine(sections), np.append(resting.ravel(), 1.0)
+        self._transition = _combine(sections)
+        self._steady = np.append(resting.ravel(), 1.0 if high_pass_hz is None else 0.0)
 
     def settle(self, values: Array) -> Array:
         """Return the steady states under constant input, two for each of s sections and the filtered sample.

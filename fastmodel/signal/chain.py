@@ -100,7 +100,10 @@ class ChainFunctions:
         if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
             _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
         self._namespace, self._active = namespace, None if array.active.all() else array.active.astype(np.float64)
-        self._low_pass, self._ones = LowPass(parameters.filter, rate_hz), np.ones(array.count)
+        self._low_pass, self._ones = (
+            LowPass(parameters.filter, rate_hz, parameters.electronics.high_pass_hz),
+            np.ones(array.count),
+        )
         self._creep = Creep(parameters.electronics.creep)
         # The operator is transposed, because the forces stand on its left: texels are their last dimension.
         self._spread = build_operator(parameters.spread, array).T if spreads else None

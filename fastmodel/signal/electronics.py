@@ -64,6 +64,8 @@ class Electronics:
         temperature_excess: Temperature minus the temperature at which the characteristic was measured [K].
         creep: Growth of the force that counts stand for, in a factor e of the time under a constant load, see
             `fastmodel.signal.creep` [-].
+        high_pass_hz: Cut-off of a first-order high-pass behind the low-pass filter, as of piezoelectric arrays, which
+            see changes only; None for none [Hz].
         calibrated: Force that is the argument of the characteristic. `"texel force"` is the force on the texel, after
             spread. `"through the cover, tip 1 mm"` is the force that a rod with a hemispherical end of 1 mm radius
             (`meshes.RoundedTip`), or of another number of millimetres, applies to the cover over a texel's centre.
@@ -88,6 +90,7 @@ class Electronics:
     temperature_coefficient: float = 0.0
     temperature_excess: float = 0.0
     creep: float = 0.0
+    high_pass_hz: float | None = None
     calibrated: str = TEXEL_FORCE
     tip_share: float | None = None
 
@@ -111,6 +114,9 @@ class Electronics:
             "temperature_coefficient times temperature_excess must exceed -1; the gain is "
             f"{self.temperature_gain}": self.temperature_gain > 0,
             f"creep must lie in 0..{MOST_CREEP:g}, not {self.creep}": 0 <= self.creep <= MOST_CREEP,
+            f"high_pass_hz must lie above 0 and below half of rate_hz, not {self.high_pass_hz}": (
+                self.high_pass_hz is None or 0 < self.high_pass_hz < self.rate_hz / 2
+            ),
             f"noise must not be negative, not {self.noise}": 0 <= self.noise < inf,
             f"hysteresis_width must not be negative, not {self.hysteresis_width}": 0 <= self.hysteresis_width < inf,
             f"threshold must not be negative, not {self.threshold}": 0 <= self.threshold < inf,

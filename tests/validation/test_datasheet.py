@@ -88,7 +88,9 @@ def test_no_range_ends_at_no_load(loads, said):
 
 def test_filter_noise_hysteresis_and_temperature_are_stated_if_given():
     given = change(noise=2e-3, hysteresis_share=0.3, hysteresis_width=0.05, temperature_coefficient=0.002)
+    given = dataclasses.replace(given, electronics=dataclasses.replace(given.electronics, high_pass_hz=0.5))
     entries = sheet(dataclasses.replace(given, filter=Butterworth(cutoff_hz=40.0, order=2)))
+    assert entries["high-pass"]["high_pass_hz"] == 0.5
     assert entries["bandwidth"]["bandwidth_hz"] == 40.0
     assert entries["accuracy"]["noise_N"] == 2e-3
     assert not entries["accuracy"]["stated"]

@@ -26,7 +26,7 @@ from validation.moving.results import (
     measure_error,
     measure_misplaced,
 )
-from validation.published.in_time import butterworth
+from validation.published.in_time import own_chain
 from validation.published.rules import PUBLISHED
 
 if TYPE_CHECKING:
@@ -305,14 +305,15 @@ def _interpolate(samples: Samples, curves: Sequence[Curve], shares: Sequence[Flo
 
 def _list_chains(bench: Bench, models: Sequence[str]) -> list[_Chain]:
     """List the rows: models of the bench and null models with the sensor's chain, published ones with their own."""
-    design = bench.parameters.filter
+    design, high = bench.parameters.filter, bench.parameters.electronics.high_pass_hz
     frames = f"frames at {bench.parameters.electronics.rate_hz:g} Hz"
-    words = f"{f'order {design.order}, {design.cutoff_hz:g} Hz, ' if design else ''}{frames}"
+    words = f"{f'order {design.order}, {design.cutoff_hz:g} Hz, ' if design else ''}"
+    words += f"{f'above {high:g} Hz, ' if high else ''}{frames}"
 
     def nothing(forces: FloatArray, step: float) -> FloatArray:  # noqa: ARG001 -- as the others
         return forces
 
-    own = butterworth(design.order, design.cutoff_hz) if design else nothing
+    own = own_chain(design, high)
     rows = [_Chain(model, model, words, own) for model in bench.models if model in models]
     rows += [_Chain(TRUTH, EXACT, words, own), _Chain(TRUTH, HELD, frames, nothing)]
     for each in bench.comparison.rows if bench.comparison else ():

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fastmodel import Butterworth
+from fastmodel.signal.butterworth import list_sections
 from meshes.array_types import FloatArray
 
 #: Function of forces at equal intervals, shape (k, ...) [N], and of the interval [s].
@@ -115,11 +116,23 @@ def butterworth(order: int, cutoff_hz: float) -> Term:
         order: Number of poles [-].
         cutoff_hz: Frequency at which the gain is -3 dB [Hz].
     """
+    return own_chain(Butterworth(order=order, cutoff_hz=cutoff_hz))
+
+
+def own_chain(design: Butterworth | None, high_pass_hz: float | None = None) -> Term:
+    """Return the filters of a sensor, settled at the first forces.
+
+    Args:
+        design: Low-pass filter; None for none.
+        high_pass_hz: Cut-off of a first-order high-pass behind it; None for none [Hz].
+    """
 
     def apply(forces: FloatArray, step: float) -> FloatArray:
         from scipy.signal import sosfilt, sosfilt_zi
 
-        sections = Butterworth(order=order, cutoff_hz=cutoff_hz).sections(1 / step)
+        sections = list_sections(design, 1 / step, high_pass_hz)
+        if not len(sections):
+            return forces
         start = sosfilt_zi(sections).reshape(len(sections), 2, *(1,) * (forces.ndim - 1)) * forces[0]
         found, _ = sosfilt(sections, forces, axis=0, zi=start)
         return np.asarray(found)

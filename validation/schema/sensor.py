@@ -302,6 +302,7 @@ class ElectronicsTable(Table):
         characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, instead of sensitivity.
         gains: One factor for each texel.
         creep: Growth of the reading in a factor e of the time under a constant load, 0 to 0.2.
+        high_pass: Cut-off of a first-order high-pass, as of piezoelectric arrays, which see changes only.
         calibrated: Force of the characteristic: "texel force", or "through the cover, tip 1 mm".
     """
 
@@ -317,6 +318,7 @@ class ElectronicsTable(Table):
     characteristic: Annotated[list[types.Number], AfterValidator(_refuse_other_degrees)] | None = None
     gains: list[types.Number] | None = None
     creep: Annotated[float, types.number(0, MOST_CREEP)] = 0.0
+    high_pass: types.Frequency | None = None
     calibrated: Annotated[str, types.Read(_read_calibration)] = TEXEL_FORCE
 
     def list_faults(self) -> Iterator[tuple[str, str]]:

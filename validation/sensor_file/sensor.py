@@ -257,7 +257,9 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
         name=name,
         array=array,
         cover=cover,
-        electronics=Electronics(rate_hz=values.pop("rate") or _ASSUMED_RATE, **values),
+        electronics=Electronics(
+            rate_hz=values.pop("rate") or _ASSUMED_RATE, high_pass_hz=values.pop("high_pass"), **values
+        ),
         filter=None if low_pass is None else Butterworth(cutoff_hz=low_pass.cutoff, order=low_pass.order),
         spread=None if tables.spread is None else Gaussian(**tables.spread.model_dump()),
         friction=tables.contact.friction,

@@ -54,3 +54,21 @@ def test_a_settled_filter_returns_its_constant_input(order):
 def test_bad_filters_are_refused(cutoff, order, message):
     with pytest.raises(FastModelError, match=message):
         Butterworth(cutoff_hz=cutoff, order=order).sections(271.0)
+
+
+@pytest.mark.parametrize("design", [None, Butterworth(cutoff_hz=50.0, order=2)])
+def test_the_high_pass_equals_scipys_and_a_held_load_reads_zero(design):
+    samples = 1.0 + np.random.default_rng(3).normal(size=(600, 4))
+    low_pass = LowPass(design, RATE, 2.0)
+    states, out = low_pass.settle(np.zeros(4)), []
+    for sample in samples:
+        states = low_pass.step(states, sample)
+        out.append(states[-1])
+    theirs = samples if design is None else sosfilt(butter(2, 50.0, fs=RATE, output="sos"), samples, axis=0)
+    theirs = sosfilt(butter(1, 2.0, "highpass", fs=RATE, output="sos"), theirs, axis=0)
+    assert np.array(out) == pytest.approx(theirs, abs=1e-12)
+    held = low_pass.settle(np.full(4, 3.0))
+    assert held[-1] == pytest.approx(0.0)
+    assert low_pass.step(held, np.full(4, 3.0)) == pytest.approx(held, abs=1e-12)
+    with pytest.raises(FastModelError, match="below half the sampling rate"):
+        LowPass(design, RATE, 600.0)

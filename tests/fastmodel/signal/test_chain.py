@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from fastmodel import WTS_0614_34, Butterworth, FastModelError, Gaussian, Parameters
+from fastmodel import WTS_0614_34, Butterworth, FastModelError, Gaussian, Parameters, load
 from fastmodel.signal.chain import ChainFunctions
 from meshes import TexelArray
 from tests.support.array_modules import MODULES, open_module
@@ -206,3 +206,26 @@ def test_arrays_of_two_libraries_or_devices_are_refused():
         functions.settle(np.ones((2, ARRAY.count)), torch.ones(2))
     with pytest.raises(FastModelError, match=r"carried lies on meta; move it with .to\('cpu'\)"):
         functions.settle(torch.ones((2, ARRAY.count)), torch.ones(2, device="meta"))
+
+
+def test_a_held_load_decays_behind_a_high_pass_and_the_state_is_stored(tmp_path):
+    """exp(-2 pi f t) after a step, within the first sample; the cut-off comes back from the file of the parameters."""
+    array = TexelArray.grid(3, 3, pitch=3e-3)
+    electronics = dataclasses.replace(WTS_0614_34, high_pass_hz=0.5)
+    sensor = Parameters(
+        array=array, spread=Gaussian(sigma_x=0.5, sigma_y=0.5, ksize_x=3, ksize_y=3), electronics=electronics
+    )
+    sensor.save(tmp_path / "piezo")
+    assert load(tmp_path / "piezo").electronics.high_pass_hz == 0.5
+    chain, plain = (
+        ChainFunctions(sensor, 1000.0),
+        ChainFunctions(dataclasses.replace(sensor, electronics=WTS_0614_34), 1000.0),
+    )
+    state, forces = chain.settle(np.zeros(9)), np.arange(9.0)
+    for _ in range(1000):
+        state = chain.take(state, forces)
+    _, found = chain.frame(state)
+    _, held = plain.frame(plain.settle(forces))
+    assert found.texel_forces == pytest.approx(np.exp(-np.pi) * held.texel_forces, rel=5e-3)
+    with pytest.raises(ValueError, match="below half of rate_hz"):
+        dataclasses.replace(WTS_0614_34, high_pass_hz=200.0)

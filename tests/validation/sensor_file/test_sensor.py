@@ -22,6 +22,9 @@ def test_everything_is_si(sensor):
     assert description.electronics.sensitivity == 2665.7
     assert (description.filter.cutoff_hz, description.filter.order) == (40, 3)
     assert description.cover.assumed is False
+    piezo = load(sensor(GOOD.replace("[electronics]", "[electronics]\nhigh_pass = '0.5 Hz'")))
+    assert piezo.electronics.high_pass_hz == 0.5
+    assert description.electronics.high_pass_hz is None
 
 
 def test_cover_of_limited_size_holds_its_texels_and_keeps_its_size_under_another_material(sensor):
