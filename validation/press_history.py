@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from meshes.array_types import FloatArray
-from meshes.bounded_file import FileLimitError, read_text
 from meshes.relaxation import Relaxation
-from validation.errors import InputError, at
+from validation.errors import InputError
 from validation.extras import MissingExtraError
 from validation.json_values import json_text
 from validation.moving.inertia import BANDWIDTH, SLOW, find_resonance, warn_of_inertia
 from validation.press_files import write_rows
+from validation.recordings import tables
+from validation.recordings.recording import RecordingError
 from validation.render.figure import COLOURS, draw_texels, open_figure
 from validation.render.image import Scale
 from validation.text.quantity import read_quantity
@@ -30,15 +31,12 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-#: Columns of a history: the time, and what is prescribed.
-_COLUMNS: dict[str, Literal["load", "depth"]] = {"load_N": "load", "depth_m": "depth"}
-#: Largest number of instants of a history [-], and largest size of its file [bytes].
-_MOST, _MOST_BYTES = 1000, 2**20
+#: Largest number of instants of a history [-].
+_MOST = 1000
 #: Longest time of a history [s], and largest value of it [N or m].
 _LONGEST, _LARGEST = 1e9, 1e6
 #: Number of instants that are printed [-].
 _SHOWN = 10
-_EXAMPLE = "the first line must read time_s,load_N or time_s,depth_m, then one line of two numbers per instant"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,31 +86,22 @@ class History:
 
 
 def read_history(path: Path) -> History:
-    """Read a history from a CSV file with the columns `time_s` and `load_N` or `depth_m`.
+    """Read a history from a CSV file with the columns `time` [s] and `load` [N] or `depth` [m].
 
     Raises:
         InputError: If the file cannot be read, has other columns, or holds no history.
     """
     try:
-        lines = [line for line in read_text(path, most=_MOST_BYTES).splitlines() if line.strip()]
-    except (FileLimitError, OSError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-        raise InputError(f"--history: {path}: {reason}") from None
-    columns = [name.strip() for name in lines[0].split(",")] if lines else []
-    if len(columns) != 2 or columns[0] != "time_s" or columns[1] not in _COLUMNS:  # noqa: PLR2004
-        raise InputError(
-            f"--history: {path}: {_EXAMPLE}; slides and changing tilts are not computed on relaxing covers"
-        )
-    with at(f"--history: {path}: "):
-        rows = []
-        for number, line in enumerate(lines[1:], 2):
-            try:
-                time, value = map(float, line.split(","))
-            except ValueError:
-                raise InputError(f"line {number} is not two numbers; {_EXAMPLE}") from None
-            rows.append((time, value))
-        times, values = zip(*rows, strict=True) if rows else ((), ())
-        return History(control=_COLUMNS[columns[1]], times=times, values=values)
+        found = tables.read_history(path, ("load",), ("depth",), ("load", "x", "y"), ("depth", "x", "y"))
+    except RecordingError as error:
+        raise InputError(f"--history: {error}") from None
+    if "x" in found:
+        raise InputError(f"--history: {path}: slides are not computed on relaxing covers; leave out x and y")
+    control: Literal["load", "depth"] = "load" if "load" in found else "depth"
+    try:
+        return History(control=control, times=tuple(found["time"].tolist()), values=tuple(found[control].tolist()))
+    except InputError as error:
+        raise InputError(f"--history: {path}: {error}") from None
 
 
 def read_hold(text: str, control: Literal["load", "depth"], value: float) -> History:

@@ -40,17 +40,19 @@ def press(softcover, tmp_path):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("time_s,load_N\n0,0\n2,1\n1,2\n", "1 s after 2 s; times must ascend"),
-        ("time_s,load_N\n0,0\n,1\n", "line 3 is not two numbers"),
-        ("time_s,load_N\n0,0\nnan,1\n", "times must ascend"),
+        ("time_s,load_N\n0,0\n2,1\n1,2\n", "line 4: time 1 s comes before 2 s"),
+        ("time_s,load_N\n0,0\n,1\n", "line 3: not a number"),
+        ("time_s,load_N\n0,0\nnan,1\n", "line 3: all numbers must be finite"),
+        ("time,load\n0,0\n0,1\n1,1\n", "0 s after 0 s; times must ascend"),
         ("time_s,load_N\n-1,0\n2,1\n", "begins at -1 s"),
         ("time_s,load_N\n0,1\n2,-1\n", "an indenter cannot pull"),
         ("time_s,load_N\n0,1\n1,0\n2,1\n", "lifts off at 1 s; end it there"),
         ("time_s,load_N\n0,0\n1,0\n", "nothing presses"),
         ("time_s,load_N\n0,1\n", "1 instants; 2..1000"),
-        ("time_s,load_N,x_m\n0,1,0\n", "must read time_s,load_N or time_s,depth_m.*slides"),
-        ("time_s,depth_m\n0,nan\n1,1e-4\n", "depth of nan"),
-        ("", "the first line must read"),
+        ("time,load,x,y\n0,1,0,0\n1,1,0,0.001\n", "slides are not computed"),
+        ("time_s,load_N,x_m\n0,1,0\n", "columns time, load_n, x_m.*expected `time`.* `load`, or `depth`"),
+        ("time_s,depth_m\n0,nan\n1,1e-4\n", "line 2: all numbers must be finite"),
+        ("", "empty; expected"),
     ],
 )
 def test_faults_of_histories_are_one_line_each(tmp_path, text, fault):
@@ -59,12 +61,12 @@ def test_faults_of_histories_are_one_line_each(tmp_path, text, fault):
     with pytest.raises(InputError, match=fault) as caught:
         read_history(path)
     assert len(caught.value.faults) == 1
-    assert caught.value.faults[0].startswith(f"--history: {path}: ")
+    assert caught.value.faults[0].startswith(f"--history: {path}")
 
 
 def test_a_history_is_read_and_a_hold_is_a_step(tmp_path):
     path = tmp_path / "history.csv"
-    path.write_text("time_s,depth_m\n0,0\n0.5,1e-4\n2,1e-4\n")
+    path.write_text("time_ms;depth\n0;0\n500;1e-4\n2000;1e-4\n")
     found = read_history(path)
     assert found == History(control="depth", times=(0.0, 0.5, 2.0), values=(0.0, 1e-4, 1e-4))
     assert found.fastest == pytest.approx(0.35 / 0.5)
@@ -79,7 +81,7 @@ def test_a_history_is_read_and_a_hold_is_a_step(tmp_path):
         ("", ("--load", "2N", "--hold", "9s"), "--history: every layer needs a relaxation"),
         (RELAXES, ("--hold", "9s"), "--load, --depth: give one of them"),
         (RELAXES, ("--load", "2N", "--history", "h.csv"), "leave out --load, --depth and --hold"),
-        (RELAXES, ("--history", "missing.csv"), "--history: missing.csv: No such file"),
+        (RELAXES, ("--history", "missing.csv"), "--history: missing.csv: no such file"),
         (RELAXES, ("--load", "2N", "--hold", "9s", "--friction", "0.4"), "--friction: histories have no friction"),
         (RELAXES, ("--load", "2N", "--hold", "9s", "--accuracy", "1%"), "leave out --accuracy"),
         (RELAXES.replace("0.3", "0.9"), ("--load", "2N"), "sum to at most one, not to 1.1"),

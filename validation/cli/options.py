@@ -131,7 +131,7 @@ class InTime:
 
     history: Annotated[
         File | None,
-        Parameter(help="Load or depth in time on a relaxing linear cover: CSV, columns time_s and load_N or depth_m."),
+        Parameter(help="Load or depth in time on a relaxing linear cover: CSV, columns time and load or depth."),
     ] = None
     hold: Annotated[
         str | None,

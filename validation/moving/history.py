@@ -41,6 +41,10 @@ _STRAIGHT = 0.94
 _MILLIMETRE = 1e-3
 
 
+#: Columns of a recorded history beside the time.
+_COLUMNS = ("load",), ("x", "y"), ("load", "x", "y")
+
+
 class Curve(NamedTuple):
     """Static states along one part of a history.
 
@@ -297,7 +301,8 @@ def _read_columns(data: Mapping[str, Any], place: str, folder: Path) -> dict[str
     if twice := sorted({"time", "fall"} & set(data)):
         raise InputError(f"{place}.{twice[0]}: the file of `history` states the instants; remove one of the two")
     with at(f"{place}.history: "):
-        found = {key: values.tolist() for key, values in read_history(folder / check_below(name)).items()}
+        columns = read_history(folder / check_below(name), *_COLUMNS)
+    found = {key: values.tolist() for key, values in columns.items()}
     keys = {
         key: [f"{value!r} {unit}" for value in found[key]]
         for key, unit in (("time", "s"), ("load", "N"))

@@ -76,6 +76,8 @@ _UNITS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}
 _SINCE_1970 = 1e8
 #: Pattern of the name of the column of times, with its unit.
 _TIME = re.compile(r"time(?:[ _]*[(\[]?(s|ms|us|ns)[)\]]?)?")
+#: Other names of the columns of a history.
+_HISTORY = {"force": "load", "load_n": "load", "depth_m": "depth", "x_m": "x", "y_m": "y"}
 #: Separators between columns, by name; the first one that the header line holds counts.
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 #: Pattern of the name of a column that holds one of three axes of a texel.
@@ -215,22 +217,29 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
     return table.get_column("time"), forces
 
 
-def read_history(path: str | Path) -> dict[str, FloatArray]:
-    """Read the CSV file of a history: the column `time` [s], and `load` or `force` [N], or `x` and `y` [m], or all.
+def read_history(path: str | Path, *kinds: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Read the CSV file of a history: the column `time` [s], and others such as `load` or `load_N` [N] or `depth` [m].
+
+    Args:
+        path: The file.
+        kinds: Each accepted set of columns beside `time`.
 
     Returns:
-        Numbers by column, `time` from zero on, `force` as `load`, shape (k,) each [s, N, m].
+        Numbers by column, `time` from zero on, shape (k,) each [s, N, m].
 
     Raises:
         RecordingError: If the file cannot be read, or has other columns; the message names the line.
     """
     table = _read_table(Path(path))
-    found = {"load" if name == "force" else name: table.get_column(name) for name in table.header}
-    if set(found) not in ({"time", "load"}, {"time", "x", "y"}, {"time", "load", "x", "y"}) or not len(table.values):
+    found = {_HISTORY.get(name, name): table.get_column(name) for name in table.header}
+    if set(found) not in [{"time", *kind} for kind in kinds] or not len(table.values):
         raise RecordingError(
-            f"{path}: columns {', '.join(table.header)[:80]}, {len(table.values)} lines; expected `time` [s] and "
-            "`load` [N] or `x` and `y` [m] or all, and a line for each instant"
+            f"{path}: columns {', '.join(table.header)[:80]}, {len(table.values)} lines; expected `time` [s] with "
+            f"{', or '.join(' and '.join(f'`{name}`' for name in kind) for kind in kinds)} [N, m], and a line for each "
+            "instant"
         )
+    if found["time"][0] < 0:
+        raise RecordingError(f"{path}: begins at {found['time'][0]:g} s; a history begins at 0 s or later")
     return found | {"time": found["time"] - found["time"][0]}
 
 

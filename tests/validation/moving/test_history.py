@@ -140,7 +140,7 @@ def test_a_recorded_way_is_one_curve_between_its_corners_and_its_speed_changes_n
         ("time,load\n0,1\n0.1,-1\n", {}, "moving[0].load[1]"),
         ("time,load\n0,1\n0.1,x\n", {}, "line 3: not a number"),
         ("time,load\n0,1\n0.0005,1\n", {}, "at least 1 ms"),
-        ("time,load\n", {}, "expected `time` [s] and `load` [N]"),
+        ("time,load\n", {}, "expected `time` [s] with `load`, or"),
         ("time,depth\n0,1\n", {}, "columns time, depth"),
         ("time,load\n0,1\n1,1\n", {"history": "no.csv"}, "no.csv"),
         ("time,load\n0,1\n1,1\n", {"history": "../h.csv"}, "moving[0].history: must lie below the folder of the file"),
