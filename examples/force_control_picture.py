@@ -122,8 +122,8 @@ def draw_beside(axis: Axes) -> None:
     axis.plot(1e3 * places, [each.true[-1] for each in rest], "--", color=COLOURS[0], label="true force")
     axis.axvline(1e3 * (parameters.array.extent[0] / 2 - BLOCK.size[0] / 2), color="grey", linewidth=0.8, linestyle=":")
     axis.set_ylim(0, None)
-    axis.set_xlabel("place of the block [mm]; dotted: it reaches the edge")
-    axis.set_title("a load beside the array")
+    axis.set_xlabel("place of the block [mm]")
+    axis.set_title("a load beside the array (dotted: its edge)")
 
 
 def draw_models(guided: Mapping[str, tuple[Record, FloatArray]], path: Path) -> None:
