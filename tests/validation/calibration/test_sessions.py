@@ -115,7 +115,8 @@ def test_left_out_images_are_to_the_others_as_the_scored_ones_to_the_fitted():
     assert left_out(one, [14.0], PLACES[0]) == [[12.0]]
     assert left_out(one, [2.0], PLACES[0]) == [[4.0]]
     assert left_out(one, [5.0, 14.0], PLACES[0]) == [[6.0], [8.0], [10.0], [12.0]]
+    two = observe(random, gains, PLACES[1], loads=np.array([3.0, 5.0, 14.0]))
     folds = list_folds(join(one, two), LOADS, [PLACES[2]])
     assert [out.tolist() for out in folds] == [
-        [True, True, False, True, True] + [False] * 5, [False] * 5 + [True, True, False, True, True]
+        [True, True, False, True, True] + [False] * 3, [False] * 5 + [True, False, True]
     ]  # fmt: skip
