@@ -15,6 +15,7 @@ PRODUCT = ("meshes", "fem_reference", "fastmodel", "validation")
 OWN = {
     *PRODUCT,
     "tests",
+    "benchmarks",
     *(path.stem for folder in ("examples", "benchmarks") for path in (ROOT / folder).glob("*.py")),
 }
 #: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest and Sphinx.
