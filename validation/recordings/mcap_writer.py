@@ -14,10 +14,11 @@ Labels (set-up, arrays, serial number and clocks) are a JSON object, in a messag
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -319,6 +320,24 @@ def _make_wrench(force: npt.ArrayLike, torque: npt.ArrayLike = (0.0, 0.0, 0.0)) 
     return {name: dict(zip("xyz", map(float, np.asarray(each)), strict=True)) for name, each in given.items()}
 
 
+@contextmanager
+def _hold_interrupts() -> Iterator[None]:
+    """Hold Ctrl-C and SIGTERM back until the `with` block ends: an exception within a record would tear its chunk."""
+    held: list[int] = []
+    is_main = threading.current_thread() is threading.main_thread()  # Only the main thread handles signals.
+    handlers = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM) if is_main]
+    before = {number: handler for number, handler in handlers if handler is not None}  # None is another library's
+    try:
+        for number in before:
+            signal.signal(number, lambda caught, _: held.append(caught))
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for caught in held[:1]:
+            signal.raise_signal(caught)
+
+
 class RecordingWriter(AbstractContextManager["RecordingWriter"]):
     """Writes a recording to an MCAP file.  Use it in a `with` block, whose end writes index and footer of the file.
 
@@ -529,7 +548,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             arrival: Time at which the message arrived, UTC since 1970 [ns]; `time_ns` if not given.
         """
         data = encode(find_kind(topic) or "", **fields)
-        with self._lock:
+        with _hold_interrupts(), self._lock:
             self._check_failure()
             if topic not in self._channels:
                 self._register(topic)

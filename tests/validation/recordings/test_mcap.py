@@ -2,12 +2,14 @@
 
 import errno
 import os
+import signal
 from random import Random
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 
 from validation.recordings import capture, mcap_reader
 from validation.recordings.importing import save
@@ -198,3 +200,27 @@ def test_a_recorder_killed_before_its_first_frame_leaves_no_file_or_one_with_its
     assert mcap_reader.read(path).complete
     assert save(recording, tmp_path / "again.mcap") == 0
     assert mcap_reader.read(tmp_path / "again.mcap").setup == SETUP
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("call", [1, 2])  # the image, the frame
+def test_an_interrupt_within_a_record_tears_nothing(tmp_path, monkeypatch, number, call):
+    finish, calls = RecordBuilder.finish_record, []
+
+    def interrupted(builder):
+        calls.append(builder)
+        if len(calls) == call:
+            signal.raise_signal(number)
+        finish(builder)
+
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with _open_writer(tmp_path / "a.mcap") as writer:
+            writer.add_frame(0, Clocks(10**18), np.arange(84))
+            monkeypatch.setattr(RecordBuilder, "finish_record", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                writer.add_frame(0, Clocks(10**18 + 1), np.arange(84))
+    finally:
+        found = signal.signal(number, before)
+    assert found is signal.default_int_handler
+    assert len(mcap_reader.read(tmp_path / "a.mcap").times) == call
