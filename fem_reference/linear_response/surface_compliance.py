@@ -141,16 +141,18 @@ def decay_length(cover: Cover) -> float:
 def spread_of_top(cover: Cover) -> float:
     """Estimate the distance over which the top layer spreads a load [m].
 
-    It is the thickness t of the layer, or the bending length of a plate on an elastic half space if that is larger,
-    (2 D (1 - nu^2) / E)^(1/3), with the plate's bending stiffness D and the constants of the layer below (Timoshenko
-    and Woinowsky-Krieger, Theory of Plates and Shells, section 61).
+    It is the thickness of the layer, or the bending length of a plate of bending stiffness D if that is larger: on a
+    half space (2 D (1 - nu^2) / E)^(1/3), on springs (D h / E)^(1/4), whichever is smaller, with the constants and the
+    thickness h of the layer below (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells, sections 57, 61).
     """
     top = cover.layers[-1]
     if len(cover.layers) == 1:
         return top.thickness
-    plate, below = top.material, cover.layers[-2].material
+    plate, below, height = top.material, cover.layers[-2].material, cover.layers[-2].thickness
     stiffness = plate.youngs_modulus * top.thickness**3 / (12 * (1 - plate.poisson_ratio**2))
-    return max(top.thickness, float((2 * stiffness * (1 - below.poisson_ratio**2) / below.youngs_modulus) ** (1 / 3)))
+    yielding = stiffness / below.youngs_modulus
+    half_space = (2 * yielding * (1 - below.poisson_ratio**2)) ** (1 / 3)
+    return max(top.thickness, float(min(half_space, (yielding * height) ** 0.25)))
 
 
 def membrane_length(cover: Cover) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -74,7 +75,20 @@ def test_a_file_of_ones_own_is_its_own_source(sensor):
     assert load(path).electronics.sensitivity == pytest.approx(1023 / 2)
     assert row.cells == ["2 x 3", "4 x 5 mm", "not stated", "2 N on a texel", "10", "1 mm tpu"]
     assert row.origins.endswith("rate 100 Hz: assumed")
-    assert load(sensor('range = "2 N"\nsensitivity = "7 1/N"\n')).electronics.sensitivity == 7
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ('range = "2 N"\nsensitivity = "7 1/N"\n', "electronics.range: stands in place of sensitivity"),
+        ('range = "2 N"\ncharacteristic = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]\n', "electronics.range: stands in place"),
+        ('high_pass = "50 Hz"\n', "electronics.high_pass: 50 Hz must lie below half of 100 frames/s"),
+        ('rate = "30 Hz"\nhigh_pass = "15 Hz"\n', "electronics.high_pass: 15 Hz must lie below half of 30 frames/s"),
+    ],
+)
+def test_keys_that_contradict_each_other_are_refused(sensor, keys, words):
+    with pytest.raises(InputError, match=words):
+        load(sensor(keys))
 
 
 @pytest.mark.parametrize("value", ["5", '"5"', '"5 Hz"', '"-5 N"', '"0 kPa"'])
@@ -87,6 +101,9 @@ def test_the_command_prints_sensors_side_by_side(softcover):
     status, out, _ = softcover("datasheet", "wts-0614-34", "--compare", "pr2-fingertip", "myrmex")
     assert status == 0
     assert all(text in " ".join(out.split()) for text in ("5.6 x 6", "1900 Hz", "doi:10.1109/WHC.2011.5945515"))
+    status, out, _ = softcover("datasheet", "wts-0614-34", "--compare", "myrmex", "--json")
+    assert status == 0
+    assert [each["values"]["pitch"] for each in json.loads(out)["sensors"]] == ["3.4 mm", "5 mm"]
     status, _, err = softcover("datasheet", "wts-0614-34", "--compare", "myrmex", "--out", "a.md")
     assert status == 2
     assert "--out: has no effect with --compare" in err

@@ -322,10 +322,12 @@ class ElectronicsTable(Table):
     calibrated: Annotated[str, types.Read(_read_calibration)] = TEXEL_FORCE
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
-        """Yield faults of two characteristics, and of a largest output that the converter cannot have."""
+        """Yield faults of two characteristics, of a range beside one, and of an output too large for the converter."""
         largest = 2**self.bits - 1
         if self.sensitivity is not None and self.characteristic is not None:
             yield "", "give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"
+        if self.range is not None and (self.sensitivity is not None or self.characteristic is not None):
+            yield "range", "stands in place of sensitivity and characteristic, which tell the range; remove one of them"
         if self.output_max is not None and self.output_max > largest:
             yield "output_max", f"{self.output_max} does not fit {self.bits} bits; accepted: 1..{largest}"
 

@@ -242,6 +242,12 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
     assumed = []
     if table.rate is None:
         assumed.append(f"{_ASSUMED_RATE:g} frames/s")
+    rate = values.pop("rate") or _ASSUMED_RATE
+    if table.high_pass is not None and table.high_pass >= rate / 2:
+        raise InputError(
+            f"{source}: electronics.high_pass: {table.high_pass:g} Hz must lie below half of {rate:g} frames/s; lower "
+            "it, or state electronics.rate"
+        )
     values["output_max"] = table.output_max or 2**table.bits - 1
     stated = values.pop("range")
     if table.sensitivity is None and table.characteristic is None and stated is not None:
@@ -257,9 +263,7 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
         name=name,
         array=array,
         cover=cover,
-        electronics=Electronics(
-            rate_hz=values.pop("rate") or _ASSUMED_RATE, high_pass_hz=values.pop("high_pass"), **values
-        ),
+        electronics=Electronics(rate_hz=rate, high_pass_hz=values.pop("high_pass"), **values),
         filter=None if low_pass is None else Butterworth(cutoff_hz=low_pass.cutoff, order=low_pass.order),
         spread=None if tables.spread is None else Gaussian(**tables.spread.model_dump()),
         friction=tables.contact.friction,

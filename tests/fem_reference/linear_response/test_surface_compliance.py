@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem_reference.elements.line import gauss_points
-from fem_reference.linear_response.surface_compliance import decay_length, solve_waves, surface_compliance
+from fem_reference.linear_response.surface_compliance import (
+    decay_length,
+    solve_waves,
+    spread_of_top,
+    surface_compliance,
+)
 from tests.support.rubber import stack_layers
 
 
@@ -36,6 +41,15 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
     plate, springs = 1e11 * 0.2e-3**3 / (12 * (1 - 0.3**2)), 1e5 / 2e-3
     assert decay_length(cover) == pytest.approx((plate / springs) ** 0.25)
     assert decay_length(cover) > cover.thickness
+
+
+def test_a_stiff_top_spreads_a_load_over_its_bending_length(bonded):
+    assert spread_of_top(bonded(0.45)) == 2e-3
+    assert spread_of_top(stack_layers((2e-3, 1e6, 0.3), (0.2e-3, 2e6, 0.3))) == 0.2e-3
+    plate = 1e9 * 0.1e-3**3 / (12 * (1 - 0.4**2))
+    thick, thin = (spread_of_top(stack_layers((each, 1e5, 0.3), (0.1e-3, 1e9, 0.4))) for each in (20e-3, 0.2e-3))
+    assert thick == pytest.approx((2 * plate * (1 - 0.3**2) / 1e5) ** (1 / 3))
+    assert thin == pytest.approx((plate * 0.2e-3 / 1e5) ** 0.25)
 
 
 @pytest.mark.parametrize("layers", [((0.44, 3e5), (0.56, 2e6)), ((0.38, 1e4), (0.34, 8e7), (0.28, 3e4))])

@@ -118,7 +118,7 @@ TEMPLATE = read_template().splitlines()
 #: Numbers of the lines that are commented out: a key, or a layer.
 OFF = [number for number, line in enumerate(TEMPLATE) if re.match(r"# (\w+ = |\{ thickness)", line)]
 #: Keys that exclude each other.
-EXCLUDING = ("# sensitivity", "# characteristic")
+EXCLUDING = ("# sensitivity", "# characteristic", "# range")
 
 
 def switch_on(tmp_path, numbers):
@@ -136,11 +136,13 @@ def test_every_line_of_the_template_that_is_commented_out_is_accepted_alone(tmp_
     assert any(changed) or texels[0] != texels[1]
 
 
-@pytest.mark.parametrize("left_out", EXCLUDING)
-def test_all_lines_that_are_commented_out_are_accepted_together(tmp_path, left_out):
+@pytest.mark.parametrize("kept", EXCLUDING)
+def test_all_lines_that_are_commented_out_are_accepted_together(tmp_path, kept):
     assert len(OFF) >= 18
-    found = switch_on(tmp_path, {number for number in OFF if not TEMPLATE[number].startswith(left_out)})
-    assert found.assumed_electronics == ()
+    found = switch_on(
+        tmp_path, {number for number in OFF if not TEMPLATE[number].startswith(tuple({*EXCLUDING} - {kept}))}
+    )
+    assert found.assumed_electronics == (("a straight line of counts up to the stated range",) * (kept == "# range"))
     with pytest.raises(InputError, match="not both"):
         switch_on(tmp_path, set(OFF))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +56,7 @@ def datasheet(
 
 def _print_comparison(compared: Sequence[Compared], *, json: bool) -> None:
     if json:
-        output.print_json({each.name: {"values": each.values, "sources": each.sources} for each in compared})
+        output.print_json({"sensors": [dataclasses.asdict(each) for each in compared]})
         return
     rows = [(each.name, *each.cells) for each in compared]
     output.print_table(("sensor", *compared[0].values), rows, title="Sensors side by side", left=7)
