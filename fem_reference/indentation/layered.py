@@ -39,7 +39,7 @@ from fem_reference.indentation.grid_solution import (
 from fem_reference.indentation.result import Indentation, PressProblem, state_missed_accuracy, warn_of_errors
 from fem_reference.linear_response.surface_compliance import decay_length, membrane_length
 from fem_reference.materials import describe_instability, warn_of_instability
-from meshes import Cover, tilt_indenter
+from meshes import Cover, Indenter, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place
 
@@ -478,7 +478,9 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         energy=float(study.combine(grids, lambda each: each.energy)),
         fields=fields,
         error_estimate=errors,
-        assumptions=_state_assumptions(path, finest.depth) | study.assumptions | known,
+        assumptions=state_assumptions(path.cover, path.indenter, finest.depth, path.friction)
+        | study.assumptions
+        | known,
         warnings=(
             *warn_of_errors(errors),
             *_warn(path, balance, finest.depth),
@@ -614,15 +616,21 @@ def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: 
     return max(spread, grids[-1].area_spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
 
 
-def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
-    """State the assumptions about strain, friction, base and sides of the cover, and whether the depth is in range."""
-    cover, friction = path.cover, path.friction
+def state_assumptions(cover: Cover, indenter: Indenter, depth: float, friction: float = 0.0) -> dict[str, str]:
+    """State the assumptions about strain, friction, base and sides of the cover, and whether the depth is in range.
+
+    Args:
+        cover: The cover.
+        indenter: The indenter.
+        depth: Depth of the indenter [m].
+        friction: Coefficient of friction between indenter and cover, inf for no slip [-].
+    """
     law = "no slip" if np.isinf(friction) else f"Coulomb, coefficient {friction:g}" if friction else "frictionless"
     out = {"strain": "small" if cover.small_strain_only else "finite", "friction": law, "base": cover.base}
     if cover.size is not None:
         x, y = (1e3 * edge for edge in cover.size)
         out["sides"] = f"free, {x:.4g} x {y:.4g} mm, touched on top only"
-    facets = path.indenter.measure_facets(depth)
+    facets = indenter.measure_facets(depth)
     if facets:
         out["facets"] = (
             f"pressed as they are, up to {facets * 1e3:.2g} mm ({facets / depth:.1%} of the depth) from the smooth "

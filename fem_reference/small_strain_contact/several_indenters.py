@@ -7,6 +7,7 @@ its weight acts.  The unknown motions are the approach of every indenter and its
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,10 @@ CELLS = (8, 16)
 _DIAGONALS = 1.5
 #: Smallest reach of the table of the surface compliance, over the decay length of the cover's response [-].
 _DECAY_LENGTHS = 4.0
+#: Largest number of cells of a grid, for which memory and time suffice [-].
+_MOST_CELLS = 4_000_000
+#: Points along each edge of the rectangle in which two footprints may overlap [-], and its least edge [m].
+_POINTS, _LEAST_EDGE = 100, 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +62,7 @@ class Body:
     @property
     def corners(self) -> FloatArray:
         """Corners of the rectangle around the indenter's footprint, in the frame of the array, shape (4, 2) [m]."""
-        signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        return np.column_stack(self.pose.to_array(*(signs * self.indenter.footprint).T))
+        return _find_corners(self.indenter, self.pose)
 
     @property
     def weight_point(self) -> FloatArray:
@@ -99,13 +103,17 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
         bodies: Indenters with weights and poses; their footprints must not overlap.
 
     Raises:
-        ValueError: If a load is not positive, or footprints overlap.
+        ValueError: If a load is not positive, or footprints overlap or are too far apart for one grid.
         ConvergenceError: If the contact does not converge.
     """
     if not bodies or not all(0 < body.load < np.inf for body in bodies):
         raise ValueError("press_together needs at least one body, each with a positive load")
-    spread = point_spread(cover)
+    if find_overlap([(body.indenter, body.pose) for body in bodies]):
+        raise ValueError("the footprints of two indenters overlap; move one of them")
     corners = np.concatenate([body.corners for body in bodies])
+    if np.prod(np.ptp(corners, axis=0) * CELLS[-1] / cover.thickness) > _MOST_CELLS:
+        raise ValueError("the bodies are too far apart to be solved together; press each alone")
+    spread = point_spread(cover)
     diagonal = float(np.hypot(*np.ptp(corners, axis=0)))
     surface = surface_compliance(cover, max(_DIAGONALS * diagonal, _DECAY_LENGTHS * decay_length(cover)))
     solved = [_solve(surface, bodies, corners, cover.thickness / count) for count in CELLS]
@@ -132,6 +140,34 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     )
 
 
+def find_overlap(placed: Sequence[tuple[Indenter, Pose]]) -> tuple[int, int] | None:
+    """Find two indenters whose footprints overlap.
+
+    Args:
+        placed: Indenters with their poses.
+
+    Returns:
+        Their indices in ascending order; None if all are apart.
+    """
+    boxes = [_find_corners(*each) for each in placed]
+    for pair in itertools.combinations(range(len(placed)), 2):
+        low = np.max([boxes[k].min(axis=0) for k in pair], axis=0)
+        high = np.min([boxes[k].max(axis=0) for k in pair], axis=0)
+        if (high - low < _LEAST_EDGE).any():
+            continue
+        x, y = np.meshgrid(*(low[:, None] + np.outer(high - low, (np.arange(_POINTS) + 0.5) / _POINTS)))
+        gaps = [indenter.gap(*pose.to_indenter(x, y)) for indenter, pose in (placed[k] for k in pair)]
+        if np.isfinite(gaps).all(axis=0).any():
+            return pair
+    return None
+
+
+def _find_corners(indenter: Indenter, pose: Pose) -> FloatArray:
+    """Return the corners of the rectangle around a footprint, in the frame of the array, shape (4, 2) [m]."""
+    signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    return np.column_stack(pose.to_array(*(signs * indenter.footprint).T))
+
+
 def _solve(
     surface: SurfaceCompliance, bodies: Sequence[Body], corners: FloatArray, cell: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -152,8 +188,6 @@ def _solve(
     count = np.maximum(1, np.ceil((high - low) / cell - 1e-9)).astype(int)
     x, y = np.meshgrid(*(low[i] + (np.arange(count[i]) + 0.5) * cell for i in range(2)), indexing="ij")
     gaps = np.array([body.indenter.gap(*body.pose.to_indenter(x, y)) for body in bodies])
-    if (np.isfinite(gaps).sum(axis=0) > 1).any():
-        raise ValueError("the footprints of two indenters overlap; move one of them")
     gap, owner = gaps.min(axis=0), gaps.argmin(axis=0)
     touching = np.any([guess_touching(np.where(owner == i, gap, np.inf), None) for i in range(len(bodies))], axis=0)
     columns, loads, mover = _constrain_bodies(bodies, np.where(np.isfinite(gap), owner, -1), x, y)

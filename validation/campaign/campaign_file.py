@@ -16,10 +16,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from meshes import Indenter, Pose
 from validation.campaign.case import Case
 from validation.errors import Faults, InputError
 from validation.moving.history import MovingCase, read_moving
-from validation.places import Places
+from validation.places import FlatPlaces, Places
 from validation.schema import parse, read_raw
 from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable, OtherTable
 
@@ -237,6 +238,8 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
     given = data if isinstance(data, Mapping) else {}
     texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
     faults = Faults()
+    if "others" in given and isinstance(places, FlatPlaces):
+        places = dataclasses.replace(places, whole=True)
     table = faults.read(parse, data, CaseTable, place=("case", number))
     pose = faults.read(lambda: places.find(places.parse({"at": "centre", **texts}, f"case[{number}].")))
     others = tuple(
@@ -246,6 +249,8 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
     # The schema and the reading of the pose may report the same fault, which is kept once.
     faults[:] = dict.fromkeys(faults)
     faults.refuse()
+    if others:
+        _check_apart([(table.indenter, pose), *((each.indenter, each.pose) for each in others)], f"case[{number}]")
     loads = table.all_loads
     names = [table.name] if table.load is not None else [f"{table.name}, {load:.3g} N" for load in loads]
     common: dict[str, Any] = {
@@ -259,6 +264,15 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
     }
     rest = sum(each.load for each in others)
     return [Case(name=name, load=load + rest, **common) for name, load in zip(names, loads, strict=True)], table.quick
+
+
+def _check_apart(placed: Sequence[tuple[Indenter, Pose]], place: str) -> None:
+    """Refuse bodies whose footprints overlap; the first body is that of the case."""
+    from fem_reference.small_strain_contact.several_indenters import find_overlap
+
+    if pair := find_overlap(placed):
+        first = f"others[{pair[0] - 1}]" if pair[0] else "the first body"
+        raise InputError(f"{place}.others[{pair[1] - 1}].at: the body overlaps {first}; move one of them")
 
 
 def _read_other(table: OtherTable, given: Mapping[str, Any], places: Places, place: str) -> Case:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem_reference.errors import UnsupportedError
+from fem_reference.errors import PiercedError, UnsupportedError
 from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.case import Case
 from validation.errors import InputError
@@ -70,9 +70,11 @@ def _press_bodies(cover: Cover | SolidCover, array: TexelArray, case: Case, fric
 
     Raises:
         ValueError: If the cover is not wide and linear, the press has friction, or bodies overlap.
+        ValueError: If a body would pierce the cover, or is lifted by the others.
     """
     from fem_reference import result_store
-    from fem_reference.indentation.result import Indentation
+    from fem_reference.indentation.layered import state_assumptions
+    from fem_reference.indentation.result import Indentation, warn_of_errors
     from fem_reference.small_strain_contact.several_indenters import Body, press_together
 
     if not isinstance(cover, Cover) or cover.size is not None or not cover.small_strain_only or friction:
@@ -89,6 +91,22 @@ def _press_bodies(cover: Cover | SolidCover, array: TexelArray, case: Case, fric
     }
     started = time.perf_counter()
     found = result_store.fetch("together", inputs, lambda: press_together(cover, array, bodies))
+    assumptions: dict[str, str] = {}
+    for depth, body in sorted(zip(found.depths.tolist(), case.bodies, strict=True), key=lambda each: each[0]):
+        which = f"the body of {body.load:.4g} N at {body.place}"
+        if depth >= cover.thickness:
+            raise PiercedError(
+                f"{which} would pierce the cover ({1e3 * depth:.3g} mm deep, the cover has "
+                f"{1e3 * cover.thickness:.4g} mm); use a smaller load, a wider body or a stiffer cover",
+                "load",
+            )
+        if depth <= 0:
+            raise ValueError(
+                f"{which} is lifted by {-1e3 * depth:.3g} mm by the cover that the others displace; "
+                "use loads that differ less, or bodies farther apart"
+            )
+        assumptions |= state_assumptions(cover, body.indenter, depth)
+    errors = {"total_force": 0.0, **{key: found.error_estimate[key] for key in _ERRORS}}
     points = np.column_stack([found.contact[:, :2], np.full(len(found.contact), cover.thickness)])
     pushes = np.column_stack([np.zeros((len(points), 2)), -found.contact[:, 2]])
     force = np.array([0.0, 0.0, -case.load])
@@ -98,8 +116,7 @@ def _press_bodies(cover: Cover | SolidCover, array: TexelArray, case: Case, fric
         moment=np.cross(points, pushes).sum(axis=0), unmeasured=np.array([0.0, 0.0, measured - case.load]),
         balance=(measured + found.outside) / case.load - 1, depth=float(found.depths.max()),
         contact_area=found.contact_area, contact_points=points, contact_forces=pushes,
-        error_estimate={"total_force": 0.0, **{key: found.error_estimate[key] for key in _ERRORS}},
-        assumptions={"strain": "small", "friction": "frictionless", "base": cover.base}, warnings=(),
+        error_estimate=errors, assumptions=assumptions, warnings=warn_of_errors(errors),
         seconds=time.perf_counter() - started,
     )  # fmt: skip
 

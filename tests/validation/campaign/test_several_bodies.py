@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fastmodel
+from fem_reference.errors import PiercedError
 from fem_reference.indentation.press import press
+from fem_reference.small_strain_contact.several_indenters import Body, press_together
+from meshes import Sphere
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import parse_campaign, read_campaign
@@ -76,10 +80,50 @@ def test_bodies_far_apart_press_as_each_alone(case):
     assert boxes.texel_forces.sum() + boxes.outside == pytest.approx(1.5, rel=1e-3)
 
 
-def test_overlaps_and_friction_are_refused(case):
-    near = read(others=[SMALL | {"at": "0mm,-9mm"}]).cases[0]
-    with pytest.raises(ValueError, match="overlap; move one"):
-        press_reference(ASSUMED_COVER, ARRAY, near)
+@pytest.mark.parametrize(
+    ("at", "fault"),
+    [
+        ("0mm,-9mm", r"case\[0\].others\[1\].at: the body overlaps the first body; move one"),
+        ("0mm,15mm", r"case\[0\].others\[1\].at: the body overlaps others\[0\]; move one"),
+        ("0mm,900mm", r"case\[0\].others\[1\].at: .* is not on the array"),
+    ],
+)
+def test_bodies_that_overlap_or_lie_beside_the_array_are_refused_when_the_file_is_read(at, fault):
+    with pytest.raises(InputError, match=fault):
+        read(others=[SMALL, SMALL | {"at": at}])
+    ball = {"indenter": "sphere:radius=3mm", "load": "1 N"}
+    for apart, name in ((4.3, None), (4.2, "a")):  # 3 mm + 3 mm along a diagonal
+        others = [ball | {"at": f"{apart}mm,{apart}mm"}]
+        table = ball | {"name": "a", "others": others}
+        found = parse_campaign({"case": [table, BIG]}, PLACES, source="file")
+        assert (found.cases[0].name == "a") is (name is None)
+
+
+def test_bodies_too_deep_are_refused_or_marked_as_in_a_press_of_one():
+    """The range and the refusal of a press of one ball on a cover of 2 mm, and a small body beside a heavy one."""
+
+    def make(shape, load, at):
+        other = Case.read("b", shape, "1 N", at=at)
+        first = Case.read("a", shape, load, at="0mm,0mm")
+        return dataclasses.replace(first, load=first.load + 1.0, others=(other,))
+
+    ball, box = "sphere:radius=3mm", "box:size=6mmx6mmx8mm"
+    with pytest.raises(PiercedError, match=r"the body of 200 N at \(0, 0\) mm, 0° would pierce the cover"):
+        press_reference(ASSUMED_COVER, ARRAY, make(ball, "200 N", "0mm,9mm"))
+    with pytest.raises(ValueError, match=r"the body of 1 N at \(0, 9\) mm, 0° is lifted"):
+        press_reference(ASSUMED_COVER, ARRAY, make(box, "50 N", "0mm,9mm"))
+    deep = press_reference(ASSUMED_COVER, ARRAY, make(ball, "12 N", "0mm,9mm"))
+    alone = press(ASSUMED_COVER, ARRAY, Sphere(radius=3e-3), load=12.0)
+    assert deep.assumptions["range"] == alone.assumptions["range"]
+
+
+def test_bodies_too_far_apart_for_one_grid_are_refused_before_memory_is_taken():
+    bodies = [Body(indenter=Sphere(radius=3e-3), load=1.0, at=(x, x)) for x in (0.0, 0.9)]
+    with pytest.raises(ValueError, match="too far apart"):
+        press_together(ASSUMED_COVER, ARRAY, bodies)
+
+
+def test_friction_is_refused(case):
     with pytest.raises(ValueError, match="without friction; split them"):
         press_reference(ASSUMED_COVER, ARRAY, case, friction=0.3)
 
