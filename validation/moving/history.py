@@ -298,8 +298,6 @@ def _read_columns(data: Mapping[str, Any], place: str, folder: Path) -> dict[str
     name = data.get("history") if isinstance(data, Mapping) else None
     if not isinstance(name, str):
         return {}
-    if twice := sorted({"time", "fall"} & set(data)):
-        raise InputError(f"{place}.{twice[0]}: the file of `history` states the instants; remove one of the two")
     with at(f"{place}.history: "):
         columns = read_history(folder / check_below(name), *_COLUMNS)
     found = {key: values.tolist() for key, values in columns.items()}
@@ -310,6 +308,8 @@ def _read_columns(data: Mapping[str, Any], place: str, folder: Path) -> dict[str
     }
     if "x" in found:
         keys["at"] = [f"{x!r}m,{y!r}m" for x, y in zip(found["x"], found["y"], strict=True)]
+    if twice := sorted({"fall", *keys} & set(data)):
+        raise InputError(f"{place}.{twice[0]}: the file of `history` states the motion; remove one of the two")
     return keys
 
 

@@ -346,8 +346,12 @@ def hash_contents(path: Path) -> str:
     return digest.hexdigest()
 
 
-def open_recorded(path: Path) -> IO[bytes]:
+def open_recorded(path: Path, expected: str = "a recording") -> IO[bytes]:
     """Open the file of a recording; it must be a regular file.
+
+    Args:
+        path: The file.
+        expected: What it should be, in words.
 
     Raises:
         RecordingError: If the file is missing, cannot be read or is no regular file.
@@ -355,9 +359,9 @@ def open_recorded(path: Path) -> IO[bytes]:
     try:
         return open_regular(path)
     except (FileNotFoundError, IsADirectoryError):
-        raise RecordingError(f"{path}: no such file; expected a recording") from None
+        raise RecordingError(f"{path}: no such file; expected {expected}") from None
     except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}; expected a recording") from error
+        raise RecordingError(f"{path}: {error.strerror}; expected {expected}") from error
     except FileLimitError as error:
         raise RecordingError(f"{path}: {error}") from None
 

@@ -86,6 +86,12 @@ _AXIS = re.compile(r"(?P<before>.*)(?P<axis>[xyz])(?P<after>[^a-z]*)")
 _AXES = 3
 #: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
+#: The columns of a recording, in words.
+_COLUMNS = (
+    "the columns `time` [s] or `time_ms`, optionally `force` and `temperature`, and one column per texel, each with a "
+    "name of its own; texels that form no rectangle are not read: order them in rows and columns of one pitch, with a "
+    "column of zeros for each missing one"
+)
 
 
 @dataclass(frozen=True)
@@ -230,13 +236,15 @@ def read_history(path: str | Path, *kinds: tuple[str, ...]) -> dict[str, FloatAr
     Raises:
         RecordingError: If the file cannot be read, or has other columns; the message names the line.
     """
-    table = _read_table(Path(path))
+    expected = (
+        f"`time` [s] with {', or '.join(' and '.join(f'`{name}`' for name in kind) for kind in kinds)} [N, m], and a "
+        "line for each instant"
+    )
+    table = _read_table(Path(path), expected, "a CSV file with a history")
     found = {_HISTORY.get(name, name): table.get_column(name) for name in table.header}
     if set(found) not in [{"time", *kind} for kind in kinds] or not len(table.values):
         raise RecordingError(
-            f"{path}: columns {', '.join(table.header)[:80]}, {len(table.values)} lines; expected `time` [s] with "
-            f"{', or '.join(' and '.join(f'`{name}`' for name in kind) for kind in kinds)} [N, m], and a line for each "
-            "instant"
+            f"{path}: columns {', '.join(table.header)[:80]}, {len(table.values)} lines; expected {expected}"
         )
     if found["time"][0] < 0:
         raise RecordingError(f"{path}: begins at {found['time'][0]:g} s; a history begins at 0 s or later")
@@ -287,14 +295,20 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
     atomic_file.replace(Path(path), [text.getvalue().encode()])
 
 
-def _read_table(path: Path) -> _Table:
-    """Read the lines `# key = value`, the header line and the numbers of a CSV file."""
+def _read_table(path: Path, columns: str = _COLUMNS, kind: str = "a recording") -> _Table:
+    """Read the lines `# key = value`, the header line and the numbers of a CSV file.
+
+    Args:
+        path: The file.
+        columns: The expected columns, for error messages.
+        kind: What is expected at the path, for error messages.
+    """
     notes: dict[str, str] = {}
     header: list[str] = []
     values = array.array("d")
     before = -math.inf
     first, delimiter, stated, unit, scale = 0, "", "", "", 1.0
-    for place, line in _read_lines(path):
+    for place, line in _read_lines(path, kind):
         if line.startswith("#"):
             _add_note(place, line, notes)
             continue
@@ -304,7 +318,7 @@ def _read_table(path: Path) -> _Table:
         except csv.Error as error:
             raise RecordingError(f"{place}: {error}; expected numbers between commas, semicolons or tabs") from error
         if not header:
-            header, stated = _read_header(place, cells, _SEPARATORS[delimiter])
+            header, stated = _read_header(place, cells, _SEPARATORS[delimiter], columns)
             first = _find_first_texel(header)
             continue
         if len(values) + len(cells) > MOST_VALUES:
@@ -321,17 +335,17 @@ def _read_table(path: Path) -> _Table:
         before = numbers[0]
         values.extend(numbers)
     if not header:
-        raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
+        raise RecordingError(f"{path}: empty; expected a line `time, ...` and a line for each instant")
     return _Table(path, notes, header, np.frombuffer(values).reshape(-1, len(header)), delimiter == ";", unit)
 
 
-def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
+def _read_lines(path: Path, kind: str) -> Iterator[tuple[str, str]]:
     """Yield the place of each line of a CSV file that is not empty, for error messages, and its text.
 
     Raises:
         RecordingError: If the file cannot be read, is no text in UTF-8, or has a line longer than `MOST_CHARACTERS`.
     """
-    with io.TextIOWrapper(open_recorded(path), encoding="utf-8-sig") as file:
+    with io.TextIOWrapper(open_recorded(path, kind), encoding="utf-8-sig") as file:
         try:
             for number, line in enumerate(iter(lambda: file.readline(MOST_CHARACTERS + 1), ""), start=1):
                 place = f"{path}, line {number}"
@@ -355,7 +369,7 @@ def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
     notes[key] = value
 
 
-def _read_header(place: str, cells: list[str], separator: str) -> tuple[list[str], str]:
+def _read_header(place: str, cells: list[str], separator: str, columns: str) -> tuple[list[str], str]:
     """Return the names of the columns in lower case: time, optional ones, and texels; and the stated unit of time."""
     header = [cell.lower() for cell in cells]
     time = _TIME.fullmatch(header[0])
@@ -364,9 +378,7 @@ def _read_header(place: str, cells: list[str], separator: str) -> tuple[list[str
     if time is None or not set(between) <= set(_SENSOR_COLUMNS) or len(set(header)) != len(header):
         raise RecordingError(
             f"{place}: {len(cells)} columns between {separator}, {', '.join(cells)[:40]!r}...; expected, between "
-            "commas, semicolons (with decimal commas) or tabs, the columns `time` [s] or `time_ms`, optionally `force` "
-            "and `temperature`, and one column per texel, each with a name of its own; texels that form no rectangle "
-            "are not read: order them in rows and columns of one pitch, with a column of zeros for each missing one"
+            f"commas, semicolons (with decimal commas) or tabs, {columns}"
         )
     return header, time[1] or ""
 
