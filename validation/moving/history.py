@@ -108,6 +108,7 @@ class MovingCase:
         repeat: How often the history happens, one time after the other [-].
         fall: Height from which the indenter falls on the cover [m]; 0 for given loads.  `loads` are its weight until a
             simulation has recorded them, see `record_fall`.
+        most: Largest load of a fall, to which its weight is lowered once its impact is known [N].
     """
 
     name: str
@@ -118,6 +119,7 @@ class MovingCase:
     poses: tuple[Pose, ...]
     repeat: int = 1
     fall: float = 0.0
+    most: float = math.inf
 
     @property
     def duration(self) -> float:
@@ -289,7 +291,9 @@ def _limit_loads(case: MovingCase, places: Places, scale: float, deepest: float 
     """Scale the loads of a case, and lower them by one factor where they press deeper than a share of the cover."""
     if deepest is not None:
         most = replace(case.heaviest, load=scale * max(case.loads))
-        scale *= min(1.0, places.limit_load(most, deepest) / most.load)
+        bearable = places.limit_load(most, deepest)
+        case = replace(case, most=bearable)
+        scale *= min(1.0, bearable / most.load)
     return case if scale == 1 else replace(case, loads=tuple(float(f"{scale * load:.2g}") for load in case.loads))
 
 

@@ -41,6 +41,9 @@ RATE = 1000.0
 _NEAR = 0.02
 #: Share of the largest load below which there is no contact: rounding of a load that comes to zero [-].
 _NOTHING = 1e-9
+#: Largest relative difference of force and impulse from those of a body that rests [-], and how often a height is
+#: halved to find one from which it does [-].
+_AT_REST, _HALVINGS = 0.02, 4
 #: Largest number of instants in the series of a result, and decimals of the forces there [-].
 _MOST_SHOWN, _DIGITS = 500, 6
 #: Null model: the truth through the sensor's filter and frames.
@@ -140,22 +143,40 @@ def _record_falls(
 def record_fall(case: MovingCase, parameters: Parameters) -> MovingCase:
     """Let the indenter of a case fall on the fast model in MuJoCo; return the case with the force of its contacts.
 
-    Only MuJoCo knows this force: it follows from the softness of its contacts, not from the cover.
+    Only MuJoCo knows this force: it follows from the softness of its contacts, not from the cover, and is proportional
+    to the weight.
 
     Raises:
-        InputError: If the indenter does not fall on the array.
+        InputError: If the indenter does not fall on the array, or does not rest on it at the end.
     """
     from fastmodel.bench import TIMESTEP, Bench, Placement
 
     state = case.heaviest.turned
     place = Placement(indenter=state.indenter, load=state.load, at=state.pose.at, yaw=state.pose.yaw)
     steps = math.floor(case.times[-1] / TIMESTEP + 1e-9)
-    readings = Bench(parameters, [place]).drop([(*place.at, place.yaw)], case.fall, steps)
-    loads = (0.0, *(each.carried for each in readings))
-    if not any(loads):
+    bench = Bench(parameters, [place])
+
+    def drop(height: float) -> FloatArray:
+        readings = bench.drop([(*place.at, place.yaw)], height, steps)
+        return np.array([0.0, *(each.carried for each in readings)])
+
+    def rests(loads: FloatArray) -> bool:
+        # At rest the contact bears the weight, and its impulse is that of the weight over the whole time.
+        return bool(max(abs(loads[-1] / place.load - 1), abs(loads.sum() / steps / place.load - 1)) < _AT_REST)
+
+    loads = drop(case.fall)
+    if not loads.any():
         raise InputError("the indenter falls beside the array; change its place")
+    if not rests(loads):
+        lower = next((h for h in case.fall / 2.0 ** np.arange(1, _HALVINGS + 1) if rests(drop(h))), None)
+        remedy = f"write fall = '{1e3 * lower:.3g} mm', from which it rests" if lower else "end the history later"
+        raise InputError(
+            f"fall: a body that falls by {1e3 * case.fall:.4g} mm does not rest on the cover at the end, because it "
+            f"falls through MuJoCo's contacts or the history is too short; {remedy}"
+        )
+    loads *= min(1.0, case.most / loads.max())
     times = tuple((TIMESTEP * np.arange(len(loads))).tolist())
-    return replace(case, times=times, loads=loads, poses=case.poses[:1] * len(loads))
+    return replace(case, times=times, loads=tuple(loads.tolist()), poses=case.poses[:1] * len(loads))
 
 
 def score_moving(
@@ -221,7 +242,10 @@ def _list_limits(bench: Bench, case: MovingCase, samples: Samples, resonance: fl
     """Yield sentences about what counts in a case and is not computed."""
     yield from warn_of_inertia(case.fastest, resonance)
     if case.fall:
+        weight, most = case.loads[-1], max(case.loads)
+        lowered = ", lowered for `deepest`" if most > (1 - _NOTHING) * case.most else ""
         yield "the load is that of MuJoCo's contacts, which the cover does not determine: spread and chain are scored"
+        yield f"the impact is {most:.3g} N, {most / weight:.1f} times the weight of {weight:.3g} N{lowered}"
     if bench.friction and samples.moves.any():
         yield "the indenter slides: its friction, which is computed for a press, has another direction then"
     if bench.friction and (np.diff(samples.loads) < 0).any():

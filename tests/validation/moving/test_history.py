@@ -175,6 +175,9 @@ def test_loads_are_lowered_as_those_of_other_cases():
     (static,) = parse_campaign({"case": [table], "deepest": "10 %"}, places, source="x").cases
     assert 0 < static.load < 2
     assert case.loads == pytest.approx((0.0, static.load))
+    fall = TAP | {"load": "0.01 N", "fall": "3 mm", "time": ["0 s", "0.4 s"]}
+    (falling,) = parse_campaign({"moving": [fall], "deepest": "10 %"}, places, source="x").moving
+    assert falling.most == pytest.approx(static.load, rel=0.05)
 
 
 def test_two_cases_of_one_name_are_refused():

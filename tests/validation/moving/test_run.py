@@ -1,6 +1,7 @@
 """Scores of moving cases, from states in closed form and by the finite elements."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tests.support.histories import make_case
 from validation.campaign.bench import LayeredBench
 from validation.campaign.plan import Budget
 from validation.campaign.results import OUT_OF_BUDGET, predict
+from validation.errors import InputError
 from validation.moving.inertia import find_resonance
 from validation.moving.results import measure_delay, measure_misplaced
 from validation.moving.run import RATE, find_touches, hold, record_fall, run_moving, score_moving
@@ -182,6 +184,27 @@ def test_a_falling_ball_hits_the_cover_after_the_time_of_its_fall_and_comes_to_r
     beside = dataclasses.replace(case, poses=(Pose.planar(at=(0.2, 0.0)),) * 2)
     moved = run_moving(BENCH, [beside])
     assert "beside the array" in moved.skipped[0].reason
+
+
+def test_a_fall_through_the_contacts_is_refused_with_a_height_that_works():
+    case = dataclasses.replace(make_case((0.0, 0.3), (0.5, 0.5), [(0.0, 0.0)] * 2), fall=0.1)
+    with pytest.raises(InputError, match="fall: a body that falls by 100 mm does not rest") as found:
+        record_fall(case, PARAMETERS)
+    height = float(re.findall("write fall = '(.*) mm'", str(found.value))[0])
+    loads = record_fall(dataclasses.replace(case, fall=1e-3 * height), PARAMETERS).loads
+    assert np.sum(loads) * 1e-3 == pytest.approx(0.5 * 0.3, rel=0.02)
+    with pytest.raises(InputError, match="end the history later"):
+        record_fall(dataclasses.replace(case, times=(0.0, 0.03), fall=3e-3), PARAMETERS)
+
+
+def test_the_impact_is_limited_and_not_the_weight():
+    """Its force is proportional to the weight, so that the lowered fall is the fall of the lower weight."""
+    case = dataclasses.replace(make_case((0.0, 0.2), (0.5, 0.5), [(0.0, 0.0)] * 2), fall=2e-3)
+    limited = record_fall(dataclasses.replace(case, most=1.0), PARAMETERS)
+    assert max(limited.loads) == pytest.approx(1.0)
+    lighter = dataclasses.replace(case, loads=(0.5 / max(record_fall(case, PARAMETERS).loads),) * 2)
+    assert limited.loads == pytest.approx(record_fall(lighter, PARAMETERS).loads, rel=1e-6, abs=1e-9)
+    assert any("lowered for `deepest`" in each for each in score(limited).warnings)
 
 
 def test_a_landing_says_what_it_does_not_know():
