@@ -15,7 +15,7 @@ class Page(HTMLParser):
     def __init__(self):
         super().__init__()
         self.tables, self.keys, self.spans, self._texts = {}, [], [], None
-        self._before, self._number, self._key = "", None, None
+        self._before, self._number, self._key, self.text = "", None, None, ""
 
     def handle_starttag(self, tag, attrs):
         attrs = dict(attrs)
@@ -40,6 +40,7 @@ class Page(HTMLParser):
             self._texts = None
 
     def handle_data(self, data):
+        self.text += data
         if self._texts is not None and data.strip():
             self._texts.append(data.strip())
         if self._number is not None:

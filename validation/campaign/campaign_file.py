@@ -283,12 +283,17 @@ def _read_other(table: OtherTable, given: Mapping[str, Any], places: Places, pla
 
 
 def _lower_loads(cases: Sequence[Case], places: Places, share: float) -> list[Case]:
-    """Lower all loads of an indenter by one factor, where the largest presses the cover deeper than a share of it."""
-    largest = {case.shape: max(each.load for each in cases if each.shape == case.shape) for case in cases}
-    factor = {case.shape: min(1.0, places.limit_load(case, share) / largest[case.shape]) for case in cases}
-    lowered = (float(f"{factor[case.shape] * case.load:.2g}") for case in cases)
+    """Lower all loads of an indenter by one factor, where the largest presses the cover deeper than a share of it.
+
+    The loads of several bodies are lowered by one factor, so that none presses deeper.
+    """
+    bodies = [body for case in cases for body in case.bodies]
+    largest = {body.shape: max(each.load for each in bodies if each.shape == body.shape) for body in bodies}
+    factor = {body.shape: min(1.0, places.limit_load(body, share) / largest[body.shape]) for body in bodies}
+    factors = [min(factor[body.shape] for body in case.bodies) for case in cases]
     return [
-        case if factor[case.shape] == 1 else case.with_load(load) for case, load in zip(cases, lowered, strict=True)
+        case if each == 1 else case.with_load(float(f"{each * case.load:.2g}"))
+        for case, each in zip(cases, factors, strict=True)
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from meshes import Indenter, Pose, tilt_indenter
@@ -121,6 +121,14 @@ class Case:
             required=dict(values["required"]),
             others=tuple(map(cls.from_json, values.get("others", ()))),
         )
+
+    def describe(self, name: Callable[[str], str] = str) -> str:
+        """Describe every body with its own load and place.
+
+        Args:
+            name: Function that describes an indenter, given as text.
+        """
+        return " and ".join(f"{name(each.shape)}, {each.load:.3g} N at {each.place}" for each in self.bodies)
 
     @property
     def place(self) -> str:

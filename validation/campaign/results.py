@@ -149,8 +149,8 @@ class SkippedCase(Result):
 
     Attributes:
         name: Name of the case.
-        indenter: The indenter as text.
-        load: Applied force [N].
+        indenter: The indenter as text; of several bodies each with its load and place.
+        load: Applied force of all bodies [N].
         reason: Reason why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
         converged: False if the finite-element solver did not converge.
     """
@@ -164,7 +164,8 @@ class SkippedCase(Result):
     @classmethod
     def of(cls, case: Case, reason: str, *, converged: bool = True) -> SkippedCase:
         """Make the entry of a case that has no scores."""
-        return cls(name=case.name, indenter=case.shape, load=case.load, reason=reason, converged=converged)
+        shape = f"{case.describe()}, together" if case.others else case.shape
+        return cls(name=case.name, indenter=shape, load=case.load, reason=reason, converged=converged)
 
 
 @result_model

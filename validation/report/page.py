@@ -132,7 +132,7 @@ def _show_moving(result: MovingResult, name: str) -> dict[str, Any]:
 def _show_worst(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the picture of the first screen: the case with the largest misplaced force."""
     worst = max(cases, key=lambda each: float(np.nan_to_num(each["error"])))
-    title = f"The largest error of {len(cases)} cases: {worst['case'].name} ({worst['shape']})"
+    title = f"The largest error of {len(cases)} cases: {worst['case'].name} ({worst['bodies']})"
     return worst | {"title": f"{title}, {worst['misplaced']} % of {worst['case'].load:.3g} N misplaced"}
 
 
@@ -184,14 +184,15 @@ def _show_case(evaluation: Evaluation, result: results.CaseResult, pictures: Pic
     fast = result.predictions["fast"].texel_forces
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.max())))
     apart = Scale(peak=float(np.abs(fast - reference.texel_forces).max()), difference=True)
+    first = "finite elements" + ", with an outline around all bodies" * bool(case.others)
     shown: tuple[tuple[str, FloatArray, Scale, FloatArray | None], ...] = (
-        ("finite elements", reference.texel_forces, force, find_outline(array, reference.found)),
+        (first, reference.texel_forces, force, find_outline(array, reference.found)),
         ("fast model", fast, force, None),
         ("difference", fast - reference.texel_forces, apart, None),
     )
     return {
         "case": case,
-        "shape": describe_indenter(case.shape),
+        "bodies": case.describe(describe_indenter),
         "images": [
             (caption, tactile_image(array, values, scale, outline=line, name=f"{case.name}, {caption}, forces"))
             for caption, values, scale, line in shown
@@ -403,7 +404,7 @@ def _tabulate_cases(campaign: results.CampaignResult) -> Table:
         fast, reference = result.predictions["fast"].score, result.reference
         rows.append(
             [
-                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.place}"),
+                Cell(text=result.case.name, small=result.case.describe()),
                 number(result.case.load),
                 *(number(getattr(fast, name), column=column) for name, column in TABULATED.items()),
                 number(result.predictions["no-spread"].score.misplaced_force, 100),

@@ -14,10 +14,12 @@ from fem_reference.indentation.press import press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Sphere
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
+from tests.support.rubber import stack_layers
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import parse_campaign, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
+from validation.campaign.results import SkippedCase
 from validation.errors import InputError
 from validation.places import find_places
 from validation.sensor_file import BUILT_IN
@@ -121,6 +123,26 @@ def test_bodies_too_far_apart_for_one_grid_are_refused_before_memory_is_taken():
     bodies = [Body(indenter=Sphere(radius=3e-3), load=1.0, at=(x, x)) for x in (0.0, 0.9)]
     with pytest.raises(ValueError, match="too far apart"):
         press_together(ASSUMED_COVER, ARRAY, bodies)
+
+
+def test_deepest_lowers_all_bodies_by_the_factor_of_the_one_that_needs_it():
+    """The loads of a case of two bodies keep their ratio, and the factor is that of the small one alone."""
+    places = dataclasses.replace(PLACES, cover=stack_layers((2e-3, 1e5, 0.49)))
+    small = {"name": "one", "indenter": "box:size=6mmx6mmx8mm", "load": "5 N"}
+
+    def lower(table):
+        return parse_campaign({"case": [table], "deepest": "10 %"}, places, source="file").cases[0]
+
+    (alone,), two = lower(small).bodies, lower(BIG | {"others": [SMALL | {"load": "5 N"}]})
+    assert 0 < alone.load < 3
+    assert [each.load for each in two.bodies] == pytest.approx([alone.load / 5, alone.load], rel=0.05)
+
+
+def test_a_skipped_case_names_every_body_with_its_load(case):
+    assert SkippedCase.of(case, "why").indenter == (
+        "box:size=12mmx12mmx8mm, 1 N at (0, -12) mm, 0° and box:size=6mmx6mmx8mm, 0.5 N at (0, 12) mm, 10°, together"
+    )
+    assert SkippedCase.of(case.bodies[0], "why").indenter == "box:size=12mmx12mmx8mm"
 
 
 def test_friction_is_refused(case):

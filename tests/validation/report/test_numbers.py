@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.support.report_page import Page, is_printed
+from validation.campaign.case import Case
 from validation.campaign.results import MODELS
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import TABULATED
@@ -17,6 +18,10 @@ from validation.sensor_file import load
 RANDOM = np.random.default_rng(7)
 #: Rows of the table of recordings: model, and whether a gain per texel was fitted.
 ROWS = (("zeros", False), ("line per texel", False), ("fast model", False), ("fast model", True))
+BODIES = {
+    "sphere": "sphere:radius=5mm, 4.9 N at (1.7, 1.7) mm, 0°",
+    "box": "box:size=6mmx10mmx5mm, 0.981 N at (0.7, -1.1) mm, 45° and sphere:radius=3mm, 2 N at (0, 9) mm, 0°",
+}
 ESTIMATES = {"total_force": 0.0011, "depth": 0.0022, "peak_texel": 0.0033, "contact_area": 0.0044}
 
 
@@ -52,9 +57,13 @@ def recordings():
 
 @pytest.fixture(scope="module")
 def evaluation(evaluation, recordings):
-    """An evaluation whose means all differ, with scores on recordings."""
+    """An evaluation whose means all differ, with scores on recordings, and with a further body in the second case."""
+    one, two = evaluation.campaign.cases
+    further = Case.read("b", "sphere:radius=3mm", "2 N", at="0mm,9mm")
+    both = dataclasses.replace(two.case, load=two.case.load + further.load, others=(further,))
     campaign = dataclasses.replace(
         evaluation.campaign,
+        cases=(one, dataclasses.replace(two, case=both)),
         pooled={model: {metric: draw_pooled() for metric in TABULATED} for model in MODELS},
         skill={model: draw_pooled() for model in MODELS if model != "fast"},
         noise_floor=ESTIMATES,
@@ -94,7 +103,7 @@ def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evalua
     _, *rows = page.tables["case-table"]
     for row, result in zip(rows, evaluation.campaign.cases, strict=True):
         fast, bare = result.predictions["fast"].score, result.predictions["no-spread"].score
-        assert row[0][1] == [result.case.name, f"{result.case.shape} at {result.case.place}"]
+        assert row[0][1] == [result.case.name, BODIES[result.case.name]]
         expected = [getattr(fast, metric) for metric in TABULATED]
         expected += [bare.misplaced_force, fast.pixels_lit_line, result.reference.depth]
         expected += [result.reference.error_estimate["peak_texel"]]
@@ -102,6 +111,12 @@ def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evalua
         factors = [1, *(column.factor for column in TABULATED.values()), 100, 1, 1e3, 100]
         for (_, (text, *_)), factor, value in zip(row[1:], factors, [result.case.load, *expected], strict=True):
             assert is_printed(text, factor * value)
+
+
+def test_the_picture_of_a_case_names_every_body_with_its_load(page):
+    text = " ".join(page.text.split())
+    assert "mm, 0.981 N at (0.7, -1.1) mm, 45° and ball, radius 3 mm, 2 N at (0, 9) mm, 0°" in text
+    assert text.count("with an outline around all bodies") >= 1
 
 
 def test_the_table_of_requirements_prints_each_value_with_its_interval_and_unit(page, evaluation):
