@@ -60,11 +60,6 @@ class Body:
         return Pose.planar(at=self.at, yaw=self.yaw)
 
     @property
-    def corners(self) -> FloatArray:
-        """Corners of the rectangle around the indenter's footprint, in the frame of the array, shape (4, 2) [m]."""
-        return _find_corners(self.indenter, self.pose)
-
-    @property
     def weight_point(self) -> FloatArray:
         """Point where the weight acts, in the frame of the array, shape (2,) [m]."""
         return np.array(self.pose.to_array(*np.array(self.centre)))
@@ -108,9 +103,10 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     """
     if not bodies or not all(0 < body.load < np.inf for body in bodies):
         raise ValueError("press_together needs at least one body, each with a positive load")
-    if find_overlap([(body.indenter, body.pose) for body in bodies]):
+    placed = [(body.indenter, body.pose) for body in bodies]
+    if find_overlap(placed):
         raise ValueError("the footprints of two indenters overlap; move one of them")
-    corners = np.concatenate([body.corners for body in bodies])
+    corners = np.concatenate([_find_corners(*each) for each in placed])
     if np.prod(np.ptp(corners, axis=0) * CELLS[-1] / cover.thickness) > _MOST_CELLS:
         raise ValueError("the bodies are too far apart to be solved together; press each alone")
     spread = point_spread(cover)

@@ -69,8 +69,8 @@ def _press_bodies(cover: Cover | SolidCover, array: TexelArray, case: Case, fric
     """Press all bodies of a case at once, guided and without friction.
 
     Raises:
-        ValueError: If the cover is not wide and linear, the press has friction, or bodies overlap.
-        ValueError: If a body would pierce the cover, or is lifted by the others.
+        ValueError: If the cover is not wide and linear, the press has friction, bodies overlap, or one would pierce the
+            cover or is lifted by the others.
     """
     from fem_reference import result_store
     from fem_reference.indentation.layered import state_assumptions

@@ -296,13 +296,7 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
 
 
 def _read_table(path: Path, columns: str = _COLUMNS, kind: str = "a recording") -> _Table:
-    """Read the lines `# key = value`, the header line and the numbers of a CSV file.
-
-    Args:
-        path: The file.
-        columns: The expected columns, for error messages.
-        kind: What is expected at the path, for error messages.
-    """
+    """Read the lines `# key = value`, the header line and the numbers of a CSV file; errors name columns and kind."""
     notes: dict[str, str] = {}
     header: list[str] = []
     values = array.array("d")
