@@ -43,7 +43,7 @@ _NEAR = 0.02
 _NOTHING = 1e-9
 #: Largest relative difference of force and impulse from those of a body that rests [-], and how often a height is
 #: halved to find one from which it does [-].
-_AT_REST, _HALVINGS = 0.02, 4
+_AT_REST, _HALVINGS = 0.02, 10
 #: Largest number of instants in the series of a result, and decimals of the forces there [-].
 _MOST_SHOWN, _DIGITS = 500, 6
 #: Null model: the truth through the sensor's filter and frames.
