@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,11 +12,12 @@ class PiercedError(ValueError):
 
     Attributes:
         control: Whether the target was a `load` or a `depth`.
+        largest: Largest load that the cover bears [N]; NaN if it is not known.
     """
 
-    def __init__(self, message: str, control: str) -> None:
+    def __init__(self, message: str, control: str, largest: float = math.nan) -> None:
         super().__init__(message)
-        self.control = control
+        self.control, self.largest = control, largest
 
 
 class UnsupportedError(ValueError):

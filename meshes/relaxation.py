@@ -49,8 +49,10 @@ class Relaxation:
             raise ValueError(f"tau takes one positive time for each of {max(1, len(self.g))} terms, not {self.tau} s")
         if self.exponent is not None and not 0 < self.exponent < 1:
             raise ValueError(f"exponent must lie between 0 and 1, not {self.exponent}")
-        if not all(map(is_positive, self.g)) or sum(self.g) > _MOST:
-            raise ValueError(f"g takes positive terms that sum to at most one, not to {sum(self.g):.6g}")
+        if not all(map(is_positive, self.g)):
+            raise ValueError(f"g takes positive terms, not {', '.join(f'{each:g}' for each in self.g)}")
+        if sum(self.g) > _MOST:
+            raise ValueError(f"g takes terms that sum to at most one, not to {sum(self.g):.6g}")
 
     def mean(self, start: FloatArray, length: FloatArray) -> FloatArray:
         """Return the mean of g over intervals of time, without cancellation; g itself at intervals of length 0.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import logging
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -47,11 +48,13 @@ class History:
         control: Whether the load or the depth is given.
         times: Ascending instants, the first one zero [s].
         values: Load [N] or depth [m] at each instant.
+        place: Option, and file, that states the history, for messages.
     """
 
     control: Literal["load", "depth"]
     times: tuple[float, ...]
     values: tuple[float, ...]
+    place: str = field(default="--history", compare=False)
 
     def __post_init__(self) -> None:
         """Check the instants and values.
@@ -69,7 +72,8 @@ class History:
                 raise InputError(f"has {after:g} s after {before:g} s; times must ascend, up to {_LONGEST:g} s")
         bad = next((value for value in self.values if not 0 <= value <= _LARGEST), None)
         if bad is not None:
-            raise InputError(f"has a {self.control} of {bad:g}, an indenter cannot pull; let it be 0 or more")
+            unit, reason = "N" if self.control == "load" else "m", "an indenter cannot pull; " if bad < 0 else ""
+            raise InputError(f"has a {self.control} of {bad:g}; {reason}let it be 0..{_LARGEST:g} {unit}")
         pressed = np.flatnonzero(self.values)
         if not len(pressed):
             raise InputError(f"has no {self.control} above zero, so that nothing presses")
@@ -80,9 +84,13 @@ class History:
     @property
     def fastest(self) -> float:
         """Highest frequency of the changes after the first instant, 0.35 over the shortest one [Hz]; 0 without any."""
-        ends = zip(itertools.pairwise(self.times), itertools.pairwise(self.values), strict=True)
-        changes = [after - before for (before, after), (low, high) in ends if low != high]
-        return BANDWIDTH / min(changes) if changes else 0.0
+        changes = np.diff(self.times)[np.diff(self.values) != 0]
+        return BANDWIDTH / float(changes.min()) if len(changes) else 0.0
+
+    @property
+    def last_change(self) -> float:
+        """End of the last change [s]; 0 if there is none after the first instant."""
+        return max(itertools.compress(self.times[1:], np.diff(self.values)), default=0.0)
 
 
 def read_history(path: Path) -> History:
@@ -99,7 +107,8 @@ def read_history(path: Path) -> History:
         raise InputError(f"--history: {path}: slides are not computed on relaxing covers; leave out x and y")
     control: Literal["load", "depth"] = "load" if "load" in found else "depth"
     try:
-        return History(control=control, times=tuple(found["time"].tolist()), values=tuple(found[control].tolist()))
+        values = {"times": tuple(found["time"].tolist()), "values": tuple(found[control].tolist())}
+        return History(control=control, place=f"--history: {path}", **values)
     except InputError as error:
         raise InputError(f"--history: {path}: {error}") from None
 
@@ -113,7 +122,7 @@ def read_hold(text: str, control: Literal["load", "depth"], value: float) -> His
     seconds = read_quantity(text, "time", place="--hold", example="60s")
     if not 0 < seconds <= _LONGEST:
         raise InputError(f"--hold: {text!r} must be a positive time up to {_LONGEST:g} s; write for example --hold 60s")
-    return History(control=control, times=(0.0, seconds), values=(value, value))
+    return History(control=control, times=(0.0, seconds), values=(value, value), place="--hold")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,13 +147,13 @@ class HistoryPress:
 
     @cached_property
     def resonance(self) -> float:
-        """First shear resonance of the cover [Hz]."""
-        return find_resonance(self.cover)
+        """First shear resonance of the cover with its modulus at the end of the last change [Hz]."""
+        return find_resonance(self.cover) * math.sqrt(self.relaxation.at(self.history.last_change))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about reasons not to rely on the result."""
-        return warn_of_inertia(self.history.fastest, self.resonance)
+        return (*self.followed.warnings, *warn_of_inertia(self.history.fastest, self.resonance))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -157,7 +166,7 @@ class HistoryPress:
         own, ratio = float(self.misplaced.max()), self.fast_ratio
         out = [
             f"the bulk modulus {bulk}; contact without friction at one place",
-            f"first shear resonance {self.resonance:.4g} Hz: right for changes below a tenth of it",
+            f"first shear resonance {self.resonance:.4g} Hz at the last change: right for changes below a tenth of it",
         ]
         if self.history.values[0] > 0:
             out.append(

@@ -186,9 +186,9 @@ class PressRequest:
 
         Raises:
             InputError: If the cover does not relax or is not linear, or the history cannot be followed on it.
-            PiercedError: If the indenter would pierce the cover.
             ConvergenceError: If the finite elements do not converge.
         """
+        from fem_reference.errors import PiercedError, UnsupportedError
         from fem_reference.indentation.relaxing import find_relaxation, follow_press
         from validation.press_history import HistoryPress
 
@@ -198,15 +198,17 @@ class PressRequest:
         if self._choose_friction()[0]:
             raise InputError(f"{self._choose_friction()[1]}: histories have no friction; write --friction 0")
         case = self.find_case(progress)
-        with name_unsupported("--friction", others="--"):
+        try:
             followed = follow_press(
                 cover, self.sensor.array, case.indenter, case.pose, times=self.history.times,
                 **{f"{self.history.control}s": self.history.values}, progress=progress,
             )  # fmt: skip
-            return HistoryPress(
-                case=case, array=self.sensor.array, cover=cover, relaxation=find_relaxation(cover),
-                history=self.history, followed=followed,
-            )  # fmt: skip
+        except (PiercedError, UnsupportedError) as error:
+            raise InputError(f"{self.history.place}: {error}") from None
+        return HistoryPress(
+            case=case, array=self.sensor.array, cover=cover, relaxation=find_relaxation(cover),
+            history=self.history, followed=followed,
+        )  # fmt: skip
 
     def _press_path(
         self, case: Case, points: int, *, fields: bool = False, as_far: bool, progress: Progress | None
@@ -343,8 +345,12 @@ def read_request(
     wanted = faults.read(_read_accuracy, accuracy, used=needs_reference)
     force = faults.read(_read_force, load, depth) if history is None else (None, None)
     moved = faults.read(_read_history, history, hold, force, given=load or depth)
-    if moved is not None and (accuracy is not None or curve is not None):
-        faults.append("--history, --hold: leave out --accuracy and --curve, which are for one load")
+    if moved is not None:
+        given = {"--accuracy": accuracy, "--curve": curve, "--strain finite": strain == "finite"}
+        given |= {"--method": method != "default", "--model fast": chosen == ("fast",)}
+        unused = [option for option, value in given.items() if value not in (None, False)]
+        if unused:
+            faults.append(f"--history, --hold: leave out {', '.join(unused)}, which are for one load")
     if (out is not None or curve is not None) and known and "fem" not in chosen:
         faults.append("--out, --curve: the files hold results of the finite elements; let --model name fem")
     if curve is not None and not 1 <= curve <= _MOST_POINTS:

@@ -103,7 +103,7 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
     deep = [depth for depth in problem.targets if problem.control == "depth" and depth >= cover.thickness]
     if deep:
         raise PiercedError(
-            f"at a depth of {deep[0] * 1e3:.4g} mm the indenter would pierce the cover; use less than its thickness, "
+            f"at a depth of {deep[-1] * 1e3:.4g} mm the indenter would pierce the cover; use less than its thickness, "
             f"{cover.thickness * 1e3:.4g} mm",
             "depth",
         )
@@ -241,6 +241,7 @@ class LayerPress:
                     f"{load:.4g} N would pierce the cover ({grids[-1].depth * 1e3:.3g} mm deep, the cover has "
                     f"{thickness * 1e3:.4g} mm); use at most {largest:.3g} N, a wider indenter or a stiffer cover",
                     "load",
+                    largest,
                 )
         seconds = (time.perf_counter() - started) / len(path.targets)
         if path.fields:

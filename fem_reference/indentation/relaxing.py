@@ -9,8 +9,9 @@ off.
 
 With a constant bulk modulus the response depends on the ratio of the two moduli.  Its Laplace transform is that of an
 elastic cover with the shear modulus s g~(s) G(0).  A polynomial in this modulus through the responses of a few elastic
-covers becomes in time the same polynomial in the operator y -> int g(t - s) dy(s).  This is exact in time for a contact
-that does not change, and for a half-space; elsewhere a growing contact is an approximation.
+covers becomes in time the same polynomial in the operator y -> int g(t - s) dy(s).  The symbol of the operator is
+complex, while the covers have real moduli.  The polynomial is good where it converges fast, and is refused elsewhere by
+its estimated error.  A growing contact is a further approximation, except on a half-space.
 
 An integral over a history is a sum over the n intervals between instants, on which the history is linear, with the mean
 of g over each.  A step at the first instant is an interval of length zero.
@@ -18,6 +19,7 @@ of g over each.  A step at the first instant is an interval of length zero.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
@@ -28,8 +30,9 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import solve_triangular
 from scipy.optimize import brentq
 
-from fem_reference.errors import UnsupportedError
+from fem_reference.errors import PiercedError, UnsupportedError
 from fem_reference.finite_strain.loading_path import Control
+from fem_reference.indentation.layered import state_assumptions
 from fem_reference.indentation.press import press_path
 from fem_reference.indentation.result import Indentation
 from meshes import Cover, Indenter, Layer, Pose, TexelArray, tilt_indenter
@@ -41,8 +44,12 @@ from meshes.relaxation import Relaxation
 _POINTS = 10
 #: Number of shear moduli for which a cover of constant bulk modulus is pressed [-].
 _LEVELS = 5
-#: Number of instants of a history, about [-], and shortest interval after a change over the time to the next one [-].
-_INSTANTS, _FIRST = 240, 1e-5
+#: Largest estimated error of the polynomial in the shear modulus, and least modulus over the initial one [-].
+_MOST_ERROR, _LEAST = 0.01, 0.01
+#: Number of instants of a history, about, for decades that each interval between given ones is divided into [-].
+_INSTANTS, _DECADES = 240, 5.0
+#: Shortest interval after a change over the least time of relaxation [-], and most decades of an interval [-].
+_FIRST, _MOST_DECADES = 0.01, 18.0
 #: Number of points of a curve up to which its interpolation has no estimate: that of a flat face is exact [-].
 _FEWEST = 3
 #: Decrease of a contact over its depth that is rounding [-].
@@ -122,6 +129,7 @@ class Followed:
         error_estimate: Estimated errors over the largest force and depth [-]: `presses` of the elastic presses, `curve`
             of their interpolation, `time` of the steps of time (twice the step), and `moduli` of the polynomial (degree
             two instead of four), which is zero for a constant Poisson ratio.
+        warnings: Sentences about reasons not to rely on the elastic presses.
     """
 
     times: FloatArray
@@ -132,6 +140,7 @@ class Followed:
     outside: FloatArray
     fast: FloatArray
     error_estimate: dict[str, float]
+    warnings: tuple[str, ...] = ()
 
 
 class _Integral:
@@ -181,34 +190,47 @@ def follow_press(
 
     Raises:
         UnsupportedError: If the cover is not linear, has no relaxation or several, the indenter lifts off, its contact
-            grows a second time, or shrinks on a cover with a constant bulk modulus.
+            grows a second time, or, with a constant bulk modulus, shrinks or meets too soft a cover.
         PiercedError: If the indenter would pierce the cover.
         ConvergenceError: If the finite elements do not converge.
     """
     relaxation = find_relaxation(cover)
     control: Control = "load" if depths is None else "depth"
     values = np.array(loads if depths is None else depths, dtype=np.float64)
-    grid, flat = _divide(np.array(times), _INSTANTS), tilt_indenter(indenter, pose.tilt).is_flat
-    peak = float(values.max())
-    if control == "load":
-        peak = float(_Integral(grid, relaxation).invert(np.interp(grid, times, values)).max())
-    power = 1.0 if flat else 3.0 if control == "load" else 2.0
-    shares = np.array([0.5, 1.0]) if flat else np.linspace(1 / _POINTS, 1, _POINTS) ** power
+    flat, by, peak, levels = tilt_indenter(indenter, pose.tilt).is_flat, control, float(values.max()), [1.0]
 
     def press(level: float, control: str, targets: FloatArray) -> list[Indentation]:
         given = {f"{control}s": targets.tolist()}
-        return press_path(_soften(cover, level), array, indenter, pose, progress=progress, **given)
+        try:
+            return press_path(_soften(cover, level), array, indenter, pose, progress=progress, **given)
+        except PiercedError as error:
+            if error.control == "depth":
+                raise
+            text = (
+                f"{values.max():.4g} N within {times[-1]:.4g} s would pierce the cover, which relaxes; use at most "
+                f"{error.largest * values.max() / targets[-1]:.3g} N, a shorter time or a wider indenter"
+            )
+            raise PiercedError(text, "load") from None
 
-    presses = press(1.0, control, peak * shares)
-    curves = {1.0: ElasticCurve.of(presses)}
     if relaxation.bulk == "constant" and any(each.material.poisson_ratio < 0.5 for each in cover.layers):  # noqa: PLR2004
-        least = relaxation.at(times[-1])
-        levels = (1 + least) / 2 + (1 - least) / 2 * np.cos(np.pi * np.arange(1, _LEVELS) / (_LEVELS - 1))
-        curves |= {level: ElasticCurve.of(press(level, "depth", curves[1.0].depths)) for level in levels.tolist()}
+        least = _find_least(relaxation, times[-1])
+        levels = ((1 + least) / 2 + (1 - least) / 2 * np.cos(np.pi * np.arange(_LEVELS) / (_LEVELS - 1))).tolist()
+        if control == "load":  # deeper than any history with this load
+            by, peak = "depth", press(least, "load", np.array([peak]))[0].depth
+    elif control == "load":
+        grid = _divide(np.array(times), relaxation)[0]
+        peak = float(_Integral(grid, relaxation).invert(np.interp(grid, times, values)).max())
+    power = 1.0 if flat else 3.0 if by == "load" else 2.0
+    shares = np.array([0.5, 1.0]) if flat else np.linspace(1 / _POINTS, 1, _POINTS) ** power
+    presses = press(1.0, by, peak * shares)
+    curves = {1.0: ElasticCurve.of(presses)}
+    curves |= {level: ElasticCurve.of(press(level, "depth", curves[1.0].depths)) for level in levels[1:]}
     found = follow_curves(curves, relaxation, times, values, control=control, is_flat=flat)
     names, largest = ("total_force", "depth"), presses[-1]
     error = max(e.error_estimate[name] * getattr(e, name) / getattr(largest, name) for e in presses for name in names)
-    return replace(found, error_estimate={"presses": error} | found.error_estimate)
+    known = state_assumptions(cover, indenter, float(found.depths.max()))
+    warnings = (*largest.warnings, *(known[name] for name in ("facets", "range") if name in known))
+    return replace(found, error_estimate={"presses": error} | found.error_estimate, warnings=warnings)
 
 
 def follow_curves(
@@ -235,7 +257,7 @@ def follow_curves(
         UnsupportedError: As `follow_press`.
     """
     instants = np.array(times, dtype=np.float64)
-    grids = [_divide(instants, _INSTANTS // part) for part in (1, 2)]
+    grids = _divide(instants, relaxation)
     given = [np.interp(grid, instants, values) for grid in grids]
     few = dict(list(curves.items())[::2])
     course, coarse, other = (
@@ -247,6 +269,8 @@ def follow_curves(
         "time": _compare(coarse, course, grids[1], grids[0]),
         "moduli": _compare(other, coarse, grids[1], grids[1]),
     }
+    if len(curves) > 1:
+        _find_least(relaxation, times[-1], errors["moduli"])
     elastic = curves[1.0].depth(given[0]) if control == "load" else course.depths
     return Followed(
         times=grids[0], forces=course.forces[:, 0], depths=course.depths, contact_depths=course.contact,
@@ -287,15 +311,29 @@ def _soften(cover: Cover, level: float) -> Cover:
     return replace(cover, layers=tuple(map(change, cover.layers)))
 
 
-def _divide(instants: FloatArray, count: int) -> FloatArray:
-    """Divide the intervals of a history, about `count` in all, more finely after each change; return all instants."""
-    each = count // (4 * (len(instants) - 1))
-    if each < 1:
-        x = np.linspace(0, 1, 2 if count < _INSTANTS else 3)
-    else:
-        x = np.union1d(np.geomspace(_FIRST, 1, 2 * each + 1), np.linspace(0, 1, 2 * each + 1))
-    inner = instants[:-1, None] + np.diff(instants)[:, None] * x[1:-1]
-    return np.union1d(instants, inner)
+def _find_least(relaxation: Relaxation, time: float, error: float = 0.0) -> float:
+    """Return the relaxed share of the shear modulus; refuse it if the polynomial does not hold down to it."""
+    if (least := relaxation.at(time)) >= _LEAST and error <= _MOST_ERROR:
+        return least
+    raise UnsupportedError(
+        f"bulk = 'constant' is not computed where the shear modulus falls to {100 * least:.2g} % of its start: the "
+        f"estimated error exceeds {_MOST_ERROR:.0%}; let it relax less, end earlier, or take bulk = 'relaxing'",
+        "history",
+    )
+
+
+def _divide(instants: FloatArray, relaxation: Relaxation) -> tuple[FloatArray, FloatArray]:
+    """Divide the intervals of a history, more finely after each change; return all instants, and every other one."""
+    fine, coarse = [instants], [instants]
+    for start, length in zip(instants[:-1], np.diff(instants), strict=True):  # the first may begin with a step
+        each = _INSTANTS // (4 * (len(instants) - 1 if start else 1))
+        decades = np.clip(np.log10(length / (_FIRST * min(relaxation.tau))), _DECADES, _MOST_DECADES)
+        x = np.linspace(0, 1, 2 * each + 1 if each else 3)
+        if each:
+            x = np.union1d(np.geomspace(10**-decades, 1, 2 * math.ceil(each * decades / _DECADES) + 1), x)
+        fine.append(start + length * x[1:-1])
+        coarse.append(start + length * x[2:-1:2])
+    return np.unique(np.concatenate(fine)), np.unique(np.concatenate(coarse))
 
 
 class _Course(NamedTuple):

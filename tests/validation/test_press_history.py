@@ -46,6 +46,7 @@ def press(softcover, tmp_path):
         ("time,load\n0,0\n0,1\n1,1\n", "0 s after 0 s; times must ascend"),
         ("time_s,load_N\n-1,0\n2,1\n", "begins at -1 s"),
         ("time_s,load_N\n0,1\n2,-1\n", "an indenter cannot pull"),
+        ("time_s,load_N\n0,1\n2,1e7\n", r"load of 1e\+07; let it be 0..1e\+06 N"),
         ("time_s,load_N\n0,1\n1,0\n2,1\n", "lifts off at 1 s; end it there"),
         ("time_s,load_N\n0,0\n1,0\n", "nothing presses"),
         ("time_s,load_N\n0,1\n", "1 instants; 2..1000"),
@@ -78,12 +79,17 @@ def test_a_history_is_read_and_a_hold_is_a_step(tmp_path):
 @pytest.mark.parametrize(
     ("more", "arguments", "fault"),
     [
-        ("", ("--load", "2N", "--hold", "9s"), "--history: every layer needs a relaxation"),
+        ("", ("--load", "2N", "--hold", "9s"), "--hold: every layer needs a relaxation"),
         (RELAXES, ("--hold", "9s"), "--load, --depth: give one of them"),
         (RELAXES, ("--load", "2N", "--history", "h.csv"), "leave out --load, --depth and --hold"),
         (RELAXES, ("--history", "missing.csv"), "--history: missing.csv: no such file"),
         (RELAXES, ("--load", "2N", "--hold", "9s", "--friction", "0.4"), "--friction: histories have no friction"),
         (RELAXES, ("--load", "2N", "--hold", "9s", "--accuracy", "1%"), "leave out --accuracy"),
+        (RELAXES, ("--load", "2N", "--hold", "9s", "--strain", "finite"), "leave out --strain finite"),
+        (RELAXES, ("--load", "2N", "--hold", "9s", "--model", "fast"), "leave out --model fast"),
+        (RELAXES, ("--load", "2N", "--hold", "9s", "--method", "boxes"), "leave out --method"),
+        (RELAXES, ("--depth", "3mm", "--hold", "9s"), "--hold: at a depth of 3 mm the indenter would pierce the cover"),
+        (RELAXES.replace("[0.3, 0.2]", "0").replace('["0.1 s", "10 s"]', '"1 s"'), ("--load", "2N"), "terms, not 0"),
         (RELAXES.replace("0.3", "0.9"), ("--load", "2N"), "sum to at most one, not to 1.1"),
         (RELAXES.replace("0.1 s", "-0.1 s"), ("--load", "2N"), "must be positive"),
         (RELAXES.replace("linear", "x"), ("--history", "missing.csv"), "missing.csv"),
@@ -115,6 +121,38 @@ def test_a_held_face_prints_and_writes_what_its_material_does(press, tmp_path):
     assert status == 0
     assert "First shear resonance 2183 Hz" in printed
     assert "its force is up to 2 times that of this cover" in " ".join(printed.split())
+
+
+@pytest.mark.slow
+def test_depths_beyond_small_strain_are_told_and_piercing_names_the_history(press, tmp_path):
+    (tmp_path / "h.csv").write_text("time,load\n0,0\n1,5000\n60,5000\n")
+    for place, options in {"--hold": "--load 5kN --hold 60s", "--history: h.csv": "--history h.csv"}.items():
+        status, _, err = press(*options.split())
+        assert status == 2
+        assert f"{place}: 5000 N within 60 s would pierce the cover" in err.splitlines()[-1]
+        most = err.split("at most ")[1].split(" N")[0]
+    status, printed, err = press("--load", f"{most}N", "--hold", "60s", "--json")
+    found = json.loads(printed)
+    share = found["history"][-1]["depth_m"] / 2e-3
+    assert status == 0
+    assert 0.9 < share < 1
+    assert found["warnings"] == [f"indented to {share:.0%} of the thickness: more than small strain is meant for"]
+    assert f"warning: {found['warnings'][0]}" in err
+
+
+@pytest.mark.slow
+def test_a_cover_of_constant_bulk_modulus_bears_what_its_relaxed_modulus_does(press):
+    """Relaxing alone would go through; the volume keeps the face up."""
+    status, printed, _ = press("--load", "155N", "--hold", "60s", "--json", more=RELAXES[:-1] + ', bulk = "constant" }')
+    rows = json.loads(printed)["history"]
+    assert status == 0
+    assert rows[0]["depth_m"] < rows[-1]["depth_m"] < 2e-3
+
+
+def test_the_resonance_is_that_of_the_modulus_at_the_last_change():
+    """A tap that ends at 1 s before a hold."""
+    assert History(control="load", times=(0.0, 0.5, 1.0, 9.0), values=(0.0, 4.0, 1.0, 1.0)).last_change == 1.0
+    assert History(control="load", times=(0.0, 9.0), values=(4.0, 4.0)).last_change == 0.0
 
 
 @pytest.mark.slow

@@ -72,6 +72,43 @@ def test_a_ball_under_a_step_of_load_creeps_as_the_compliance():
     assert found.forces == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize("count", [2, 20])
+@pytest.mark.parametrize("seconds", [10.0, 3600.0])
+def test_the_estimate_covers_relaxation_much_faster_than_the_history(count, seconds):
+    """A modulus that falls to a tenth within 1 ms, with a load that is held at `count` instants."""
+    times = np.linspace(0, seconds, count).tolist()
+    found = follow_ball(Relaxation(g=(0.9,), tau=(1e-3,)), times, load=[0.05] * count)
+    wanted = ((1 - 0.9 * np.exp(-found.times * 0.1 / 1e-3)) / 0.1) ** (2 / 3) * found.depths[0]
+    error = np.abs(found.depths - wanted).max() / wanted.max()
+    assert error < found.error_estimate["time"] < 5e-3
+
+
+def follow_rational(g):
+    """A face held at a depth, with a force of 4 N x / (x + 0.3) at a share x of the modulus; and the exact force."""
+    levels = (2 - g) / 2 + g / 2 * np.cos(np.pi * np.arange(5) / 4)
+    force = {x: 2e5 * np.array([1e-5, 2e-5]) * x / (x + 0.3) for x in levels.tolist()}
+    curves = {
+        x: ElasticCurve(depths=np.array([1e-5, 2e-5]), values=np.column_stack([f, f, 0 * f])) for x, f in force.items()
+    }
+    relaxation = Relaxation(g=(g,), tau=(1.0,), bulk="constant")
+    found = follow_curves(curves, relaxation, [0.0, 40.0], np.array([2e-5, 2e-5]), control="depth", is_flat=True)
+    late, early = (1 - g) / (1.3 - g), 1 / 1.3
+    return found, 4.0 * (late + (early - late) * np.exp(-(1.3 - g) / 1.3 * found.times))
+
+
+def test_a_polynomial_in_the_modulus_is_refused_where_it_does_not_hold():
+    found, wanted = follow_rational(0.4)
+    assert np.abs(found.forces - wanted).max() / wanted.max() < found.error_estimate["moduli"] + 2e-4 < 0.01
+    with pytest.raises(UnsupportedError, match=r"falls to 5 % of its start: the estimated error exceeds 1%; let"):
+        follow_rational(0.95)
+
+
+def test_a_modulus_that_vanishes_is_refused_before_a_solve():
+    cover = make_cover(Relaxation(g=(1.0,), tau=(1.0,), bulk="constant"))
+    with pytest.raises(UnsupportedError, match=r"falls to 8.8e-25 % of its start"):
+        follow_press(cover, ARRAYS["wts-0614-34"], Cylinder(radius=10e-3), Pose(), times=[0.0, 60.0], loads=[2.0, 2.0])
+
+
 def test_a_ball_that_comes_back_follows_ting():
     """t1 solves the integral of g(t - s) d depth from t1 to t; the force is that integral of depth^1.5 up to t1."""
     found = follow_ball(PRONY, [0.0, 1.0, 1.8], depth=[0.0, 4e-4, 0.8e-4])
@@ -191,6 +228,7 @@ def test_a_ball_on_a_cover_of_constant_bulk_modulus_agrees_with_rings_in_time():
     [
         ({"g": (0.7, 0.5), "tau": (1.0, 2.0)}, "sum to at most one"),
         ({"g": (0.5,), "tau": (-1.0,)}, "positive time"),
+        ({"g": (0.0,), "tau": (1.0,)}, "positive terms, not 0"),
         ({"g": (0.5, 0.1), "tau": (1.0,)}, "one positive time for each of 2 terms"),
         ({"tau": (1.0,)}, "either g, the Prony terms, or exponent"),
         ({"exponent": 1.5, "tau": (1.0,)}, "between 0 and 1"),
