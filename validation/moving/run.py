@@ -43,7 +43,7 @@ _NEAR = 0.02
 _NOTHING = 1e-9
 #: Largest relative difference of force and impulse from those of a body that rests [-], and how often a height is
 #: halved to find one from which it does [-].
-_AT_REST, _HALVINGS = 0.02, 10
+_AT_REST, _HALVINGS = 0.02, 5
 #: Largest number of instants in the series of a result, and decimals of the forces there [-].
 _MOST_SHOWN, _DIGITS = 500, 6
 #: Null model: the truth through the sensor's filter and frames.
@@ -169,10 +169,10 @@ def record_fall(case: MovingCase, parameters: Parameters) -> MovingCase:
         raise InputError("the indenter falls beside the array; change its place")
     if not rests(loads):
         lower = next((h for h in case.fall / 2.0 ** np.arange(1, _HALVINGS + 1) if rests(drop(h))), None)
-        remedy = f"write fall = '{1e3 * lower:.3g} mm', from which it rests" if lower else "end the history later"
+        remedy = f"write fall = '{1e3 * lower:.3g} mm', from which it rests, or " if lower else ""
         raise InputError(
             f"fall: a body that falls by {1e3 * case.fall:.4g} mm does not rest on the cover at the end, because it "
-            f"falls through MuJoCo's contacts or the history is too short; {remedy}"
+            f"falls through MuJoCo's contacts or the history is too short; {remedy}end the history later"
         )
     loads *= min(1.0, case.most / loads.max())
     times = tuple((TIMESTEP * np.arange(len(loads))).tolist())
