@@ -2,7 +2,7 @@
 
 A block that begins with ```python or ```sh runs, except ```sh notest.  A comment `<!-- test: python` or `<!-- test: sh`
 holds a block that runs but is not shown, `<!-- file: NAME -->` before a block writes the block to a file.  A block
-```text after ```sh or ```python is a part of what the block prints; `...` stands for the rest.
+```text after ```sh, or after ```python that prints, is a part of what the block prints; `...` stands for the rest.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ def make_program(path):
             lines += [code, "shown.close()", "printed = out.getvalue()"]
         elif language == "sh":
             lines.append(f"printed = run_shell({code!r})")
-        elif language == "text" and previous in {"python", "sh"}:
+        elif language == "text" and previous in {"prints", "sh"}:
             lines.append(f"assert list_missing({code!r}, printed) == []")
         elif language.startswith("file "):
             lines.append(f"Path({language.split()[1]!r}).write_text({code!r})")
-        previous = language
+        previous = "prints" if language == "python" and "print(" in code else language
     return "\n".join(lines)
 
 
