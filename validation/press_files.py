@@ -17,7 +17,7 @@ from validation.cover_meshes import MESH_FILE
 from validation.extras import MissingExtraError
 from validation.json_values import json_text
 from validation.press_picture import write_picture
-from validation.render.figure import COLOURS, COLUMN, open_figure
+from validation.render.figure import COLOURS, COLUMN, open_figure, save_figure
 from validation.text.indenter import describe_indenter
 
 if TYPE_CHECKING:
@@ -170,23 +170,23 @@ class LoadCurve:
         """
         rows = [row | {"warnings": "; ".join(row["warnings"])} for row in self.rows()]
         write_rows(folder / "curve.csv", rows[0], (row.values() for row in rows))
+        return ("curve.csv", *save_figure(folder / "curve.png", self._draw))
+
+    def _draw(self, path: Path) -> None:
+        """Draw load and largest texel force over depth, with error bars from the error estimates."""
+        rows = self.rows()
         values = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "warnings"}
-        try:
-            with open_figure(folder / "curve.png", width=COLUMN, height=2.8) as figure:
-                axes = figure.subplots()
-                for name, label, kind in (("load_N", "load", "fem"), ("peak_texel_N", "largest texel force", "fit")):
-                    error = values[f"error_{'total_force' if name == 'load_N' else 'peak_texel'}"] * values[name]
-                    depth_error = 1e3 * values["error_depth"] * values["depth_m"]
-                    x, y = np.append(0, 1e3 * values["depth_m"]), np.append(0, values[name])
-                    axes.errorbar(
-                        x, y, yerr=np.append(0, error), xerr=np.append(0, depth_error), fmt=".-", capsize=2,
-                        label=label, color=COLOURS[kind],
-                    )  # fmt: skip
-                axes.set(xlabel="depth [mm]", ylabel="force [N]", xlim=(0, None), ylim=(0, None))
-                stopped = "; the path stopped" if self.stopped else ""
-                axes.set_title(f"loading by finite elements, with estimated errors{stopped}")
-                axes.legend()
-        except ImportError:
-            _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
-            return ("curve.csv",)
-        return ("curve.csv", "curve.png")
+        with open_figure(path, width=COLUMN, height=2.8) as figure:
+            axes = figure.subplots()
+            for name, label, kind in (("load_N", "load", "fem"), ("peak_texel_N", "largest texel force", "fit")):
+                error = values[f"error_{'total_force' if name == 'load_N' else 'peak_texel'}"] * values[name]
+                depth_error = 1e3 * values["error_depth"] * values["depth_m"]
+                x, y = np.append(0, 1e3 * values["depth_m"]), np.append(0, values[name])
+                axes.errorbar(
+                    x, y, yerr=np.append(0, error), xerr=np.append(0, depth_error), fmt=".-", capsize=2,
+                    label=label, color=COLOURS[kind],
+                )  # fmt: skip
+            axes.set(xlabel="depth [mm]", ylabel="force [N]", xlim=(0, None), ylim=(0, None))
+            stopped = "; the path stopped" if self.stopped else ""
+            axes.set_title(f"loading by finite elements, with estimated errors{stopped}")
+            axes.legend()

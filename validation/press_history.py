@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import logging
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,13 +14,12 @@ import numpy as np
 from meshes.array_types import FloatArray
 from meshes.relaxation import Relaxation
 from validation.errors import InputError
-from validation.extras import MissingExtraError
 from validation.json_values import json_text
 from validation.moving.inertia import BANDWIDTH, SLOW, find_resonance, warn_of_inertia
 from validation.press_files import write_rows
 from validation.recordings import tables
 from validation.recordings.recording import RecordingError
-from validation.render.figure import COLOURS, draw_texels, open_figure
+from validation.render.figure import COLOURS, draw_texels, open_figure, save_figure
 from validation.render.image import Scale
 from validation.text.quantity import read_quantity
 
@@ -29,8 +27,6 @@ if TYPE_CHECKING:
     from fem_reference.indentation.relaxing import Followed
     from meshes import Cover, TexelArray
     from validation.campaign.case import Case
-
-_LOG = logging.getLogger(__name__)
 
 #: Largest number of instants of a history [-].
 _MOST = 1000
@@ -249,13 +245,7 @@ class HistoryPress:
         write_rows(folder / "history.csv", rows[0], (row.values() for row in rows))
         names = ("time_s", *(f"texel_{k}_N" for k in range(self.array.count)))
         write_rows(folder / "texels.csv", names, np.column_stack([found.times, found.texel_forces]).tolist())
-        files = ("history.json", "history.csv", "texels.csv")
-        try:
-            self._draw(folder / "history.png")
-        except ImportError:
-            _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
-            return files
-        return (*files, "history.png")
+        return ("history.json", "history.csv", "texels.csv", *save_figure(folder / "history.png", self._draw))
 
     def _draw(self, path: Path) -> None:
         """Draw load and depth over time, and the texel forces at three instants."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes import Cover
-from validation.extras import MissingExtraError
-from validation.render.figure import COLUMN, INDENTER, LAYERS, OUTLINE, PAGE, draw_texels, open_figure
+from validation.render.figure import COLUMN, INDENTER, LAYERS, OUTLINE, PAGE, draw_texels, open_figure, save_figure
 from validation.render.image import Scale, find_outline
 from validation.text.indenter import describe_indenter
 
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
     from meshes.array_types import FloatArray
     from validation.campaign.comparison import Comparison
 
-_LOG = logging.getLogger(__name__)
 
 #: Tolerance with which nodes are found on a level of the cover and in the plane of the section, over the thickness of
 #: the cover [-].
@@ -73,8 +70,9 @@ def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
     rows, columns = comparison.sensor.array.rows, comparison.sensor.array.columns
     x, y = comparison.sensor.array.pitch
     tall = min(max(1.4 + 1.6 * rows * y / (columns * x), 2.4), 3.9)  # as high as the images need
-    try:
-        with open_figure(folder / "press.png", width=width, height=tall + 1.9 * flat) as figure:
+
+    def draw(path: Path) -> None:
+        with open_figure(path, width=width, height=tall + 1.9 * flat) as figure:
             above, *below = figure.subfigures(1 + flat, 1, squeeze=False, height_ratios=(tall, 1.9)[: 1 + flat])[:, 0]
             _draw_images(above, comparison, images)
             if isinstance(cover, Cover):
@@ -82,10 +80,8 @@ def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
             shape = describe_indenter(case.shape)
             force = f"\n{describe_force(found)}" if found else ""
             figure.suptitle(f"{shape[0].upper()}{shape[1:]}, on {comparison.sensor.array.name}{force}")
-    except ImportError:
-        _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
-        return ()
-    return ("press.png",)
+
+    return save_figure(folder / "press.png", draw)
 
 
 def list_images(comparison: Comparison) -> Iterator[tuple[str, FloatArray]]:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        importlib.util.find_spec("gymnasium_robotics") is None,
-        reason="the hand is not installed: python -m pip install gymnasium-robotics",
-    ),
-]
+from tests.support.shadow_hand import NEEDS_HAND
+
+pytestmark = NEEDS_HAND
 
 
 @pytest.fixture(scope="module")

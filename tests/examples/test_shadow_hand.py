@@ -12,16 +12,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.support.shadow_hand import NEEDS_HAND
 from validation.recordings.importing import open_recording
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "shadow_hand.py"
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        importlib.util.find_spec("gymnasium_robotics") is None,
-        reason="the hand is not installed: python -m pip install gymnasium-robotics",
-    ),
-]
+pytestmark = NEEDS_HAND
 
 
 @pytest.fixture(scope="module")

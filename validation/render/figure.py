@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from meshes import atomic_file
 from meshes.array_types import FloatArray
+from validation.extras import MissingExtraError
 from validation.render.image import MASKED, Scale
 
 if TYPE_CHECKING:
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
     from meshes import TexelArray
+
+_LOG = logging.getLogger(__name__)
 
 #: Width of a figure across both columns of a paper, and across one column [inches].
 PAGE, COLUMN = 7.2, 3.5
@@ -76,6 +80,24 @@ def open_figure(target: Path | IO[str], *, height: float, width: float = PAGE, *
         figure.savefig(drawn, format=target.suffix[1:], dpi=_DPI, **options)
     target.parent.mkdir(parents=True, exist_ok=True)
     atomic_file.replace(target, [drawn.getvalue()])
+
+
+def save_figure(path: Path, draw: Callable[[Path], None]) -> tuple[str, ...]:
+    """Draw a picture that is no result by itself, and return its name; a warning and no name without matplotlib.
+
+    Args:
+        path: The picture.
+        draw: Function that draws it by `open_figure`.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    try:
+        draw(path)
+    except ImportError:
+        _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
+        return ()
+    return (path.name,)
 
 
 def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str = "") -> AxesImage:
