@@ -11,7 +11,10 @@ import logging
 import threading
 from collections.abc import Callable, Iterator
 from functools import cache, wraps
+from pathlib import Path
 from typing import Any, TypeVar
+
+from meshes.atomic_file import hold_lock
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -60,6 +63,21 @@ def compile_kernel(loops: _F) -> _F:
     return _compile(loops)  # type: ignore[return-value]  # it takes the same arguments
 
 
+def _compile_once(kernel: Any) -> Callable[..., Any]:  # noqa: ANN401 -- numba's class has no types
+    """Make a version of a kernel's `compile` that waits while another process compiles it, and then loads the result.
+
+    Numba looks for the machine code on disk first.  Without the lock, processes that start together all compile.
+    """
+    inner, lock = kernel.compile, Path(kernel.stats.cache_path) / f"{kernel.__name__}.lock"
+
+    @wraps(inner)
+    def compile_signature(signature: object) -> object:
+        with hold_lock(lock):
+            return inner(signature)
+
+    return compile_signature
+
+
 @cache
 def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
     """Register the functions that a kernel calls with numba, and make numba's version of the kernel.
@@ -74,7 +92,8 @@ def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
         # Numba's `register_jitable` does the same, but does not accept compiler options.
         numba.extending.overload(function, jit_options=_OPTIONS, strict=False)(lambda *_, compiled=function: compiled)
     try:
-        kernel: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(loops)
+        kernel: Any = numba.njit(cache=True, **_OPTIONS)(loops)
+        kernel.compile = _compile_once(kernel)
     except RuntimeError:  # Without a writable folder for the machine code, each process compiles the kernel.
         kernel = numba.njit(**_OPTIONS)(loops)
 

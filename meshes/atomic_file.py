@@ -16,7 +16,7 @@ import secrets
 import stat
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 #: Start of the names of temporary files.
@@ -144,6 +144,19 @@ def _remove_abandoned(path: Path) -> bool:
         finally:
             os.close(handle)
     return False
+
+
+@contextlib.contextmanager
+def hold_lock(path: Path) -> Iterator[None]:
+    """Let one process at a time run the body of a `with` statement; without locks of files, all run it at once.
+
+    Args:
+        path: File that the processes lock; it is created where it is missing, and stays.
+    """
+    with path.open("a") as file:
+        with contextlib.suppress(OSError):
+            _lock(file.fileno(), wait=True)
+        yield
 
 
 def _is_abandoned(handle: int) -> bool:
