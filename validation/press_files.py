@@ -115,11 +115,13 @@ class LoadCurve:
         indentations: Results of the presses, one for each point of the curve, in ascending order of load.
         wanted: Requested number of points [-].
         stopped: Reason why the path ended before the last target; empty if it reached the target.
+        note: Sentence on a model that is not computed; empty if there is none.
     """
 
     indentations: Sequence[Indentation]
     wanted: int
     stopped: str = ""
+    note: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return the curve under the names that the command line prints as JSON."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,100 +12,44 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 from meshes.relaxation import Relaxation
-from validation.errors import InputError
+from validation.errors import InputError, at
 from validation.json_values import json_text
+from validation.moving.history import History
 from validation.moving.inertia import BANDWIDTH, SLOW, find_resonance, warn_of_inertia
 from validation.press_files import write_rows
 from validation.recordings import tables
-from validation.recordings.recording import RecordingError
 from validation.render.figure import COLOURS, draw_texels, open_figure, save_figure
 from validation.render.image import Scale
 from validation.text.quantity import read_quantity
 
 if TYPE_CHECKING:
     from fem_reference.indentation.relaxing import Followed
+    from fem_reference.indentation.result import Indentation
     from meshes import Cover, TexelArray
     from validation.campaign.case import Case
 
-#: Largest number of instants of a history [-].
-_MOST = 1000
-#: Longest time of a history [s], and largest value of it [N or m].
-_LONGEST, _LARGEST = 1e9, 1e6
 #: Number of instants that are printed [-].
 _SHOWN = 10
 
 
-@dataclass(frozen=True, kw_only=True)
-class History:
-    """A load or depth that is linear in time between instants; a value other than zero at the first one is a step.
-
-    Attributes:
-        control: Whether the load or the depth is given.
-        times: Ascending instants, the first one zero [s].
-        values: Load [N] or depth [m] at each instant.
-        place: Option, and file, that states the history, for messages.
-    """
-
-    control: Literal["load", "depth"]
-    times: tuple[float, ...]
-    values: tuple[float, ...]
-    place: str = field(default="--history", compare=False)
-
-    def __post_init__(self) -> None:
-        """Check the instants and values.
-
-        Raises:
-            InputError: If there are too few or too many instants, they do not ascend from zero, a value is negative,
-                nothing presses, or the indenter lifts off before the last instant.
-        """
-        if not 2 <= len(self.times) <= _MOST:  # noqa: PLR2004 -- a start and an end
-            raise InputError(f"has {len(self.times)} instants; 2..{_MOST} are accepted")
-        if self.times[0] != 0:
-            raise InputError(f"begins at {self.times[0]:g} s; let its first time be 0")
-        for before, after in itertools.pairwise(self.times):
-            if not before < after <= _LONGEST:
-                raise InputError(f"has {after:g} s after {before:g} s; times must ascend, up to {_LONGEST:g} s")
-        bad = next((value for value in self.values if not 0 <= value <= _LARGEST), None)
-        if bad is not None:
-            unit, reason = "N" if self.control == "load" else "m", "an indenter cannot pull; " if bad < 0 else ""
-            raise InputError(f"has a {self.control} of {bad:g}; {reason}let it be 0..{_LARGEST:g} {unit}")
-        pressed = np.flatnonzero(self.values)
-        if not len(pressed):
-            raise InputError(f"has no {self.control} above zero, so that nothing presses")
-        lifted = np.flatnonzero(np.array(self.values[pressed[0] : -1]) == 0) + pressed[0]
-        if len(lifted):
-            raise InputError(f"lifts off at {self.times[lifted[0]]:g} s; end it there, or keep the {self.control} up")
-
-    @property
-    def fastest(self) -> float:
-        """Highest frequency of the changes after the first instant, 0.35 over the shortest one [Hz]; 0 without any."""
-        changes = np.diff(self.times)[np.diff(self.values) != 0]
-        return BANDWIDTH / float(changes.min()) if len(changes) else 0.0
-
-    @property
-    def last_change(self) -> float:
-        """End of the last change [s]; 0 if there is none after the first instant."""
-        return max(itertools.compress(self.times[1:], np.diff(self.values)), default=0.0)
-
-
-def read_history(path: Path) -> History:
+def read_history(path: str | Path) -> History:
     """Read a history from a CSV file with the columns `time` [s] and `load` [N] or `depth` [m].
 
     Raises:
-        InputError: If the file cannot be read, has other columns, or holds no history.
+        InputError: If the file cannot be read, has other columns, or holds no history of one touch.
     """
-    try:
+    with at("--history: "):
         found = tables.read_history(path, ("load",), ("depth",), ("load", "x", "y"), ("depth", "x", "y"))
-    except RecordingError as error:
-        raise InputError(f"--history: {error}") from None
-    if "x" in found:
-        raise InputError(f"--history: {path}: slides are not computed on relaxing covers; leave out x and y")
-    control: Literal["load", "depth"] = "load" if "load" in found else "depth"
-    try:
-        values = {"times": tuple(found["time"].tolist()), "values": tuple(found[control].tolist())}
-        return History(control=control, place=f"--history: {path}", **values)
-    except InputError as error:
-        raise InputError(f"--history: {path}: {error}") from None
+    with at(f"--history: {path}: "):
+        if "x" in found:
+            raise InputError("slides are not computed on relaxing covers; leave out x and y")
+        control: Literal["load", "depth"] = "load" if "load" in found else "depth"
+        values, times = tuple(found[control].tolist()), tuple(found["time"].tolist())
+        history = History(control=control, times=times, values=values, place=f"--history: {path}")
+        first = next(k for k, value in enumerate(values) if value)
+        if (lifted := next((k for k in range(first, len(values) - 1) if not values[k]), None)) is not None:
+            raise InputError(f"lifts off at {times[lifted]:g} s; end it there, or keep the {control} up")
+    return history
 
 
 def read_hold(text: str, control: Literal["load", "depth"], value: float) -> History:
@@ -115,10 +58,9 @@ def read_hold(text: str, control: Literal["load", "depth"], value: float) -> His
     Raises:
         InputError: If the text is not a positive time.
     """
-    seconds = read_quantity(text, "time", place="--hold", example="60s")
-    if not 0 < seconds <= _LONGEST:
-        raise InputError(f"--hold: {text!r} must be a positive time up to {_LONGEST:g} s; write for example --hold 60s")
-    return History(control=control, times=(0.0, seconds), values=(value, value), place="--hold")
+    with at("--hold: "):
+        seconds = read_quantity(text, "time", example="60s")
+        return History(control=control, times=(0.0, seconds), values=(value, value), place="--hold")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,6 +74,9 @@ class HistoryPress:
         relaxation: Relaxation of the cover.
         history: The given history.
         followed: Forces and depths at k instants.
+        indentations: None, because the elastic presses are parts of the result.
+        note: None.
+        stopped: Empty, because a history is followed to its end or not at all.
     """
 
     case: Case
@@ -140,6 +85,9 @@ class HistoryPress:
     relaxation: Relaxation
     history: History
     followed: Followed
+    indentations: tuple[Indentation, ...] = ()
+    note: str = ""
+    stopped: str = ""
 
     @cached_property
     def resonance(self) -> float:

@@ -23,8 +23,9 @@ from validation.text.indenter import read_depth, read_indenter, read_load, read_
 if TYPE_CHECKING:
     from fastmodel import FastIndentation, Parameters
     from fem_reference.indentation.result import Indentation
+    from validation.moving.history import History
     from validation.press_files import LoadCurve
-    from validation.press_history import History, HistoryPress
+    from validation.press_history import HistoryPress
 
 #: Kinds of strain of the finite elements that a user can name.
 STRAINS = ("small", "finite")
@@ -176,7 +177,9 @@ class PressRequest:
         from validation.press_files import LoadCurve
 
         found, stopped = self._press_path(self.find_case(progress), points, as_far=True, progress=progress)
-        return LoadCurve(indentations=found, wanted=points, stopped=stopped)
+        note = "the curve is that of the finite elements alone; the fast model was not computed"
+        note = note if "fast" in self.models else ""
+        return LoadCurve(indentations=found, wanted=points, stopped=stopped, note=note)
 
     def follow(self, progress: Progress | None = None) -> HistoryPress:
         """Follow the press on a relaxing cover in time, by finite elements.

@@ -26,7 +26,7 @@ from functools import cached_property, reduce
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
 from scipy.optimize import brentq
 
@@ -35,12 +35,13 @@ from fem_reference.finite_strain.loading_path import Control
 from fem_reference.indentation.layered import state_assumptions
 from fem_reference.indentation.press import press_path
 from fem_reference.indentation.result import Indentation
+from fem_reference.interpolation import estimate_interpolation, interpolate
 from meshes import Cover, Indenter, Layer, Pose, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.relaxation import Relaxation
 
-#: Number of points of an elastic curve under a curved indenter [-].  Loads are cubes and depths squares, as the radius
-#: of a round contact on a thick cover grows with the cube root of the load.
+#: Number of points of an elastic curve under a curved indenter [-].  Depths are squares, as the radius of a round
+#: contact on a thick cover grows with the root of the depth.
 _POINTS = 10
 #: Number of shear moduli for which a cover of constant bulk modulus is pressed [-].
 _LEVELS = 5
@@ -50,8 +51,6 @@ _MOST_ERROR, _LEAST = 0.01, 0.01
 _INSTANTS, _DECADES = 240, 5.0
 #: Shortest interval after a change over the least time of relaxation [-], and most decades of an interval [-].
 _FIRST, _MOST_DECADES = 0.01, 18.0
-#: Number of points of a curve up to which its interpolation has no estimate: that of a flat face is exact [-].
-_FEWEST = 3
 #: Decrease of a contact over its depth that is rounding [-].
 _ROUNDING = 1e-9
 
@@ -76,12 +75,11 @@ class ElasticCurve:
 
     @cached_property
     def _force(self) -> BSpline:
-        return make_interp_spline(np.log(self.depths), np.log(self.values[:, 0]), k=min(3, len(self.depths) - 1))
+        return interpolate(np.log(self.depths), np.log(self.values[:, 0]))
 
     @cached_property
     def _shares(self) -> BSpline:
-        shares = self.values / self.values[:, :1]
-        return make_interp_spline(np.log(self.depths), shares, k=min(3, len(shares) - 1))
+        return interpolate(np.log(self.depths), self.values / self.values[:, :1])
 
     def force(self, depth: FloatArray) -> FloatArray:
         """Return the force at depths [m], of the same shape [N]; a power of the depth outside the points."""
@@ -106,11 +104,8 @@ class ElasticCurve:
 
     @property
     def error(self) -> float:
-        """Estimated relative error of the forces by interpolation: with every other point left out, an eighth of it."""
-        if len(self.depths) <= _FEWEST:
-            return 0.0
-        coarse = ElasticCurve(depths=self.depths[::-2][::-1], values=self.values[::-2][::-1])
-        return float(np.abs(coarse.force(self.depths[1:]) / self.values[1:, 0] - 1).max() / 8)
+        """Estimated relative error of the force by interpolation, largest over the points [-]."""
+        return float(estimate_interpolation(np.log(self.depths), np.log(self.values[:, 0])).max())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,40 +192,41 @@ def follow_press(
     relaxation = find_relaxation(cover)
     control: Control = "load" if depths is None else "depth"
     values = np.array(loads if depths is None else depths, dtype=np.float64)
-    flat, by, peak, levels = tilt_indenter(indenter, pose.tilt).is_flat, control, float(values.max()), [1.0]
-
-    def press(level: float, control: str, targets: FloatArray) -> list[Indentation]:
-        given = {f"{control}s": targets.tolist()}
-        try:
-            return press_path(_soften(cover, level), array, indenter, pose, progress=progress, **given)
-        except PiercedError as error:
-            if error.control == "depth":
-                raise
-            text = (
-                f"{values.max():.4g} N within {times[-1]:.4g} s would pierce the cover, which relaxes; use at most "
-                f"{error.largest * values.max() / targets[-1]:.3g} N, a shorter time or a wider indenter"
-            )
-            raise PiercedError(text, "load") from None
-
+    peak, softest, levels = float(values.max()), 1.0, [1.0]
     if relaxation.bulk == "constant" and any(each.material.poisson_ratio < 0.5 for each in cover.layers):  # noqa: PLR2004
-        least = _find_least(relaxation, times[-1])
-        levels = ((1 + least) / 2 + (1 - least) / 2 * np.cos(np.pi * np.arange(_LEVELS) / (_LEVELS - 1))).tolist()
-        if control == "load":  # deeper than any history with this load
-            by, peak = "depth", press(least, "load", np.array([peak]))[0].depth
+        softest = _find_least(relaxation, times[-1])  # deeper than any history with this load
+        nodes = np.cos(np.pi * np.arange(1, _LEVELS) / (_LEVELS - 1))
+        levels += ((1 + softest) / 2 + (1 - softest) / 2 * nodes).tolist()
     elif control == "load":
         grid = _divide(np.array(times), relaxation)[0]
         peak = float(_Integral(grid, relaxation).invert(np.interp(grid, times, values)).max())
-    power = 1.0 if flat else 3.0 if by == "load" else 2.0
-    shares = np.array([0.5, 1.0]) if flat else np.linspace(1 / _POINTS, 1, _POINTS) ** power
-    presses = press(1.0, by, peak * shares)
-    curves = {1.0: ElasticCurve.of(presses)}
-    curves |= {level: ElasticCurve.of(press(level, "depth", curves[1.0].depths)) for level in levels[1:]}
-    found = follow_curves(curves, relaxation, times, values, control=control, is_flat=flat)
-    names, largest = ("total_force", "depth"), presses[-1]
-    error = max(e.error_estimate[name] * getattr(e, name) / getattr(largest, name) for e in presses for name in names)
+
+    def press(level: float, **given: list[float]) -> list[Indentation]:
+        return press_path(_soften(cover, level), array, indenter, pose, progress=progress, **given)  # type: ignore[arg-type]
+
+    if control == "load":
+        try:
+            peak = press(softest, loads=[peak])[0].depth
+        except PiercedError as error:
+            text = (
+                f"{values.max():.4g} N within {times[-1]:.4g} s would pierce the cover, which relaxes; use at most "
+                f"{error.largest * values.max() / peak:.3g} N, a shorter time or a wider indenter"
+            )
+            raise PiercedError(text, "load") from None
+    is_flat = tilt_indenter(indenter, pose.tilt).is_flat
+    shares = np.array([0.5, 1.0]) if is_flat else np.linspace(1 / _POINTS, 1, _POINTS) ** 2
+    presses = {level: press(level, depths=(peak * shares).tolist()) for level in levels}
+    curves = {level: ElasticCurve.of(each) for level, each in presses.items()}
+    found = follow_curves(curves, relaxation, times, values, control=control, is_flat=is_flat)
+    largest = presses[1.0][-1]
+    own = max(
+        each.error_estimate[name] * getattr(each, name) / getattr(largest, name)
+        for each in presses[1.0]
+        for name in ("total_force", "depth")
+    )
     known = state_assumptions(cover, indenter, float(found.depths.max()))
     warnings = (*largest.warnings, *(known[name] for name in ("facets", "range") if name in known))
-    return replace(found, error_estimate={"presses": error} | found.error_estimate, warnings=warnings)
+    return replace(found, error_estimate={"presses": own} | found.error_estimate, warnings=warnings)
 
 
 def follow_curves(

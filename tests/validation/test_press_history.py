@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from validation.errors import InputError
-from validation.press_history import History, read_history, read_hold
+from validation.moving.history import History
+from validation.press_history import read_history, read_hold
 
 RUBBER = """
 [array]
@@ -43,10 +44,10 @@ def press(softcover, tmp_path):
         ("time_s,load_N\n0,0\n2,1\n1,2\n", "line 4: time 1 s comes before 2 s"),
         ("time_s,load_N\n0,0\n,1\n", "line 3: not a number"),
         ("time_s,load_N\n0,0\nnan,1\n", "line 3: all numbers must be finite"),
-        ("time,load\n0,0\n0,1\n1,1\n", "0 s after 0 s; times must ascend"),
+        ("time,load\n0,0\n0,1\n1,1\n", r"time\[1\]: 0 s must come at least 0.001 ms after 0 s"),
         ("time_s,load_N\n-1,0\n2,1\n", "begins at -1 s"),
         ("time_s,load_N\n0,1\n2,-1\n", "an indenter cannot pull"),
-        ("time_s,load_N\n0,1\n2,1e7\n", r"load of 1e\+07; let it be 0..1e\+06 N"),
+        ("time_s,load_N\n0,1\n2,1e7\n", r"load\[1\]: 1e\+07; let it be 0..1e\+06 N"),
         ("time_s,load_N\n0,1\n1,0\n2,1\n", "lifts off at 1 s; end it there"),
         ("time_s,load_N\n0,0\n1,0\n", "nothing presses"),
         ("time_s,load_N\n0,1\n", "1 instants; 2..1000"),
@@ -72,7 +73,7 @@ def test_a_history_is_read_and_a_hold_is_a_step(tmp_path):
     assert found == History(control="depth", times=(0.0, 0.5, 2.0), values=(0.0, 1e-4, 1e-4))
     assert found.fastest == pytest.approx(0.35 / 0.5)
     assert read_hold("1 min", "load", 5.0) == History(control="load", times=(0.0, 60.0), values=(5.0, 5.0))
-    with pytest.raises(InputError, match="positive time"):
+    with pytest.raises(InputError, match=r"--hold: time\[1\]: -3 s must come"):
         read_hold("-3s", "load", 5.0)
 
 

@@ -48,6 +48,16 @@ class Comparison:
     stopped: str = ""
     note: str = ""
 
+    @property
+    def indentations(self) -> tuple[Indentation, ...]:
+        """The result of the finite elements, if there is one."""
+        return (self.fem,) if self.fem else ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about reasons not to rely on the results."""
+        return tuple(sentence for each in (self.fem, self.fast) if each for sentence in each.warnings)
+
     def as_json(self) -> dict[str, Any]:
         """Return the results as a dictionary, under the names that the command line prints as JSON."""
         sensor, image = self.sensor, self.sensor.array.image

@@ -1,8 +1,8 @@
-"""A moving case: an indenter whose load or place changes in time, and the static states from which it is computed.
+"""Histories: loads, depths or places in time; and moving cases with the static states from which they are computed.
 
-The cover is elastic and its inertia is negligible, so that the force on each texel follows from the load and the place
-at the same instant.  A few static presses along the history therefore give the forces at every instant: the shares of
-the load that the texels measure are interpolated between them.
+The cover of a moving case is elastic and its inertia is negligible, so that the force on each texel follows from the
+load and the place at the same instant.  A few static presses along the history therefore give the forces at every
+instant: the shares of the load that the texels measure are interpolated between them.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,11 @@ from meshes import Indenter, Pose
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from validation.campaign.case import Case
 from validation.errors import InputError, at
+from validation.moving.inertia import BANDWIDTH
 from validation.places import Places
 from validation.recordings.tables import read_history
 from validation.schema import parse
-from validation.schema.campaign import LONGEST_HISTORY, MovingTable
+from validation.schema.campaign import LONGEST_HISTORY, MOST_INSTANTS, MovingTable
 from validation.schema.types import check_below
 
 #: Number of states along a change of the load [-].  Their loads are cubes, because the radius of a round contact on a
@@ -31,6 +32,8 @@ from validation.schema.types import check_below
 _LOADS = 8
 #: Largest distance of two states along a motion, over the pitch [-].
 _STEP = 0.25
+#: Largest load [N] or depth [m] of a history.
+_LARGEST = 1e6
 #: Smallest number of intervals between states along a motion [-].
 _FEWEST = 4
 #: Largest distance that a moving case moves [m], and its largest number of different runs, see `_Run` [-].
@@ -95,31 +98,51 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MovingCase:
-    """An indenter whose load and place are linear in time between given instants.
+class History:
+    """A load or depth, and a place, that are linear in time between given instants.
 
     Attributes:
-        name: Short name, unique in its campaign.
-        indenter: Rigid body that presses on the cover.
-        shape: The indenter as text, for example `sphere:radius=5mm`.
-        times: Ascending instants, the first one is zero [s].
-        loads: Load at each instant [N].
-        poses: Position of first touch at each instant, direction and rotation of the indenter.
+        times: Ascending instants, the first one zero [s].
+        values: Load [N] or depth [m] at each instant; a value other than zero at the first one is a step.
+        control: Whether the load or the depth is given.
+        poses: Position of first touch at each instant, direction and rotation of the indenter; empty if it stays.
         repeat: How often the history happens, one time after the other [-].
-        fall: Height from which the indenter falls on the cover [m]; 0 for given loads.  `loads` are its weight until a
-            simulation has recorded them, see `record_fall`.
-        most: Largest load of a fall, to which its weight is lowered once its impact is known [N].
+        place: Option, and file, that states the history, for messages.
     """
 
-    name: str
-    indenter: Indenter
-    shape: str
     times: tuple[float, ...]
-    loads: tuple[float, ...]
-    poses: tuple[Pose, ...]
+    values: tuple[float, ...]
+    control: Literal["load", "depth"] = "load"
+    poses: tuple[Pose, ...] = ()
     repeat: int = 1
-    fall: float = 0.0
-    most: float = math.inf
+    place: str = field(default="--history", compare=False)
+    #: Largest number of instants [-], shortest time between two and longest history [s].
+    limits: ClassVar[tuple[int, float, float]] = 1000, 1e-6, 1e9
+
+    def __post_init__(self) -> None:
+        """Check the instants and values.
+
+        Raises:
+            InputError: If there are too few or too many instants, they do not ascend from zero, the history is too
+                long, a value is negative, or nothing presses.
+        """
+        most, shortest, longest = self.limits
+        if not 2 <= len(self.times) <= most:  # noqa: PLR2004 -- a start and an end
+            raise InputError(f"time: {len(self.times)} instants; 2..{most} are accepted")
+        if self.times[0] != 0:
+            raise InputError(f"time[0]: the history must begin at 0 s, not {self.times[0]:g} s")
+        for k in np.flatnonzero(~(np.diff(self.times) > shortest * (1 - 1e-6))):
+            raise InputError(
+                f"time[{k + 1}]: {self.times[k + 1]:g} s must come at least {1e3 * shortest:g} ms after "
+                f"{self.times[k]:g} s"
+            )
+        if self.duration > longest:
+            raise InputError(f"time: {self.duration:.4g} s, with repetitions; at most {longest:g} s")
+        for k in np.flatnonzero(~((np.array(self.values) >= 0) & (np.array(self.values) <= _LARGEST))):
+            pull = "an indenter cannot pull; " if self.values[k] < 0 else ""
+            raise InputError(f"{self.control}[{k}]: {self.values[k]:g}; {pull}let it be 0..{_LARGEST:g} N or m")
+        if not max(self.values) > 0:
+            raise InputError(f"{self.control}: zero at all instants, so that nothing presses")
 
     @property
     def duration(self) -> float:
@@ -127,20 +150,46 @@ class MovingCase:
         return self.repeat * self.times[-1]
 
     @property
-    def heaviest(self) -> Case:
-        """Static press under the largest load, at the first place."""
-        return replace(self.make_state(self.poses[0], max(self.loads)), name=self.name)
-
-    @property
     def fastest(self) -> float:
-        """Highest frequency that the history contains, 0.35 over its shortest change [Hz]; 0 if constant.
+        """Highest frequency that the history contains after a first step, 0.35 over its shortest change [Hz].
 
-        A change is one by the largest load, or a motion by a millimetre.  The bandwidth of a ramp is 0.35 over its rise
-        time, as for the response of a first-order system from 10 % to 90 %.
+        A change is one by the largest value, or a motion by a millimetre.  The bandwidth of a ramp is 0.35 over its
+        rise time, as for the response of a first-order system from 10 % to 90 %.
         """
         ways = [math.dist(one.point, other.point) for one, other in itertools.pairwise(self.poses)]
-        changes = np.maximum(np.abs(np.diff(self.loads)) / max(self.loads), np.array(ways) / _MILLIMETRE)
-        return float(0.35 * (changes / np.diff(self.times)).max())
+        changes = np.maximum(np.abs(np.diff(self.values)) / max(self.values), np.array(ways or [0.0]) / _MILLIMETRE)
+        return float(BANDWIDTH * (changes / np.diff(self.times)).max())
+
+    @property
+    def last_change(self) -> float:
+        """End of the last change of the value [s]; 0 if there is none after the first instant."""
+        return max(itertools.compress(self.times[1:], np.diff(self.values)), default=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingCase(History):
+    """An indenter whose load and place change in time.
+
+    Attributes:
+        name: Short name, unique in its campaign.
+        indenter: Rigid body that presses on the cover.
+        shape: The indenter as text, for example `sphere:radius=5mm`.
+        fall: Height from which the indenter falls on the cover [m]; 0 for given loads.  The loads are its weight until
+            a simulation has recorded them, see `record_fall`.
+        most: Largest load of a fall, to which its weight is lowered once its impact is known [N].
+    """
+
+    name: str
+    indenter: Indenter
+    shape: str
+    fall: float = 0.0
+    most: float = math.inf
+    limits = MOST_INSTANTS, 1e-3, LONGEST_HISTORY  # of samples at 1 ms
+
+    @property
+    def heaviest(self) -> Case:
+        """Static press under the largest load, at the first place."""
+        return replace(self.make_state(self.poses[0], max(self.values)), name=self.name)
 
     def divide(self, pitch: float) -> list[Curve]:
         """Divide the history into curves of static states; equal parts share a curve.
@@ -160,10 +209,10 @@ class MovingCase:
         within = np.where(times < self.duration, times % self.times[-1], self.times[-1])
         part = np.clip(np.searchsorted(self.times, within, side="right") - 1, 0, len(self.times) - 2)
         done = (within - np.array(self.times)[part]) / np.diff(self.times)[part]
-        loads = np.interp(within, self.times, self.loads)
+        loads = np.interp(within, self.times, self.values)
         curves, start, end = self.find_runs()[1][part].T
         moves = end > start
-        positions = np.where(moves, start + done * (end - start), np.cbrt(loads / max(self.loads)))
+        positions = np.where(moves, start + done * (end - start), np.cbrt(loads / max(self.values)))
         return Samples(times, loads, curves.astype(int), positions, moves)
 
     def find_runs(self) -> tuple[list[_Run], FloatArray]:
@@ -177,15 +226,15 @@ class MovingCase:
         steps = np.diff([pose.point for pose in self.poses], axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         bends = (steps[:-1] * steps[1:]).sum(axis=1) < _STRAIGHT * lengths[:-1] * lengths[1:]
-        varied = {self.poses[k] for k, stays in enumerate(still) if stays and self.loads[k] != self.loads[k + 1]}
+        varied = {self.poses[k] for k, stays in enumerate(still) if stays and self.values[k] != self.values[k + 1]}
         runs: dict[_Run, int] = {}
         parts: list[tuple[int, float, float]] = []
         for k, stays in enumerate(still):
             here, first = self.poses[k], len(parts)
             if stays:
-                run = _Run((here,), (0.0, max(self.loads)) if here in varied else (self.loads[k],))
+                run = _Run((here,), (0.0, max(self.values)) if here in varied else (self.values[k],))
             elif k + 1 == len(still) or still[k + 1] or bends[k]:
-                run = _Run(self.poses[first : k + 2], self.loads[first : k + 2])
+                run = _Run(self.poses[first : k + 2], self.values[first : k + 2])
             else:
                 continue
             number, ways = runs.setdefault(run, len(runs)), run.ways.tolist()
@@ -194,7 +243,7 @@ class MovingCase:
 
     def _place_states(self, run: _Run, pitch: float) -> Curve:
         """Place the states of one curve."""
-        most, least, here = max(self.loads), max(self.loads) / _LOADS**3, run.poses[0]
+        most, least, here = max(self.values), max(self.values) / _LOADS**3, run.poses[0]
         if len(run.poses) == 1:
             high = run.loads[-1]
             ends = [(high / most) ** (1 / 3)] if len(run.loads) == 1 else [k / _LOADS for k in range(1, _LOADS + 1)]
@@ -218,7 +267,7 @@ class MovingCase:
         return Case(name=name, indenter=self.indenter, shape=self.shape, load=load, pose=pose)
 
 
-def interpolate(curve: Curve, shares: Sequence[FloatArray] | FloatArray, positions: FloatArray) -> FloatArray:
+def interpolate(curve: Curve, shares: FloatArray, positions: FloatArray) -> FloatArray:
     """Interpolate the shares of the m states of a curve by a cubic spline; beyond its ends they are constant.
 
     Args:
@@ -229,29 +278,9 @@ def interpolate(curve: Curve, shares: Sequence[FloatArray] | FloatArray, positio
     Returns:
         Shares at the coordinates, shape (k, ...) [-].
     """
-    from scipy.interpolate import make_interp_spline
+    from fem_reference.interpolation import interpolate
 
-    nodes, values = curve.positions, np.asarray(shares)
-    spline = make_interp_spline(nodes, values, k=min(3, len(nodes) - 1))
-    return np.asarray(spline(np.clip(positions, nodes[0], nodes[-1])))
-
-
-def estimate_interpolation(curve: Curve, shares: FloatArray) -> float:
-    """Estimate the error of the interpolation: the share of the load on wrong texels, largest over the curve [-].
-
-    Every other state is left out and interpolated.  The error of a cubic spline falls with the fourth power of the
-    distance of the states; an eighth of the error with half of the states is taken.
-
-    Args:
-        curve: The curve of m states.
-        shares: Share of the load on each of n texels, shape (m, n) [-].
-    """
-    if len(curve.cases) < _FEWEST:
-        return 0.0
-    kept = sorted({*range(len(curve.cases) - 1, -1, -2), 0})
-    coarse = Curve(curve.positions[kept], tuple(curve.cases[k] for k in kept))
-    found = interpolate(coarse, shares[kept], curve.positions)
-    return float(0.5 * np.abs(found - shares).sum(axis=1).max() / 8)
+    return np.asarray(interpolate(curve.positions, shares)(np.clip(positions, *curve.positions[[0, -1]])))
 
 
 def read_moving(
@@ -290,11 +319,11 @@ def read_moving(
 def _limit_loads(case: MovingCase, places: Places, scale: float, deepest: float | None) -> MovingCase:
     """Scale the loads of a case, and lower them by one factor where they press deeper than a share of the cover."""
     if deepest is not None:
-        most = replace(case.heaviest, load=scale * max(case.loads))
+        most = replace(case.heaviest, load=scale * max(case.values))
         bearable = places.limit_load(most, deepest)
         case = replace(case, most=bearable)
         scale *= min(1.0, bearable / most.load)
-    return case if scale == 1 else replace(case, loads=tuple(float(f"{scale * load:.2g}") for load in case.loads))
+    return case if scale == 1 else replace(case, values=tuple(float(f"{scale * load:.2g}") for load in case.values))
 
 
 def _read_columns(data: Mapping[str, Any], place: str, folder: Path) -> dict[str, Any]:
@@ -338,23 +367,14 @@ def _read_case(data: Mapping[str, Any], number: int, places: Places, folder: Pat
         )
     if table.repeat > 1 and (loads[0] != loads[-1] or poses[0] != poses[-1]):
         raise InputError(f"{place}.repeat: the history must end with the load and the place with which it begins")
-    if table.repeat * table.time[-1] > LONGEST_HISTORY:
-        raise InputError(
-            f"{place}.time: {table.repeat * table.time[-1]:.4g} s with repetitions; at most {LONGEST_HISTORY:g} s"
-        )
     far = sum(math.dist(one.point, other.point) for one, other in itertools.pairwise(poses))
     if far > _FARTHEST:
         raise InputError(f"{place}.at: the motion is {far:.3g} m long; at most {_FARTHEST:g} m are computed")
-    case = MovingCase(
-        name=table.name,
-        indenter=table.indenter,
-        shape=data["indenter"],
-        times=tuple(table.time),
-        loads=tuple(loads),
-        poses=tuple(poses),
-        repeat=table.repeat,
-        fall=table.fall or 0.0,
-    )
+    with at(f"{place}."):
+        case = MovingCase(
+            name=table.name, indenter=table.indenter, shape=data["indenter"], times=tuple(table.time),
+            values=tuple(loads), poses=tuple(poses), repeat=table.repeat, fall=table.fall or 0.0,
+        )  # fmt: skip
     if (count := len(case.find_runs()[0])) > _MOST_RUNS:
         raise InputError(f"{place}.at: the way has {count} corners and stops; at most {_MOST_RUNS}; smooth the places")
     return case

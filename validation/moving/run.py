@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fem_reference import ConvergenceError
+from fem_reference.interpolation import estimate_interpolation
 from meshes.array_types import BoolArray, FloatArray
 from validation.campaign.case import Case
 from validation.campaign.plan import OutOfBudgetError, check_budget
 from validation.campaign.results import OUT_OF_BUDGET, SkippedCase
 from validation.errors import InputError
-from validation.moving.history import Curve, MovingCase, Samples, estimate_interpolation, interpolate
+from validation.moving.history import Curve, MovingCase, Samples, interpolate
 from validation.moving.inertia import find_resonance, warn_of_inertia
 from validation.moving.results import (
     TRUTH,
@@ -92,31 +93,29 @@ def run_moving(
     Args:
         bench: Sensor with its models.
         cases: The moving cases.
-        progress: Called before each static press with (number done, number of all, name of the case).
+        progress: Called before each static press with (finished cases, all cases, name of the press).
         budget: Time that all cases may take; None for no limit.
     """
     results: list[MovingResult] = []
     skipped: list[SkippedCase] = []
-    cases = list(_record_falls(cases, bench.parameters, skipped))
-    divided = [case.divide(min(bench.parameters.array.pitch)) for case in cases]
-    listed = [list(dict.fromkeys(state for curve in curves for state in curve.cases)) for curves in divided]
-    done, count = 0, sum(map(len, listed))
+    for number, case in enumerate(cases):
 
-    def report(line: str) -> None:
-        check_budget(budget)
-        if progress:
-            progress(done, count, line)
+        def report(line: str, number: int = number) -> None:
+            check_budget(budget)
+            if progress:
+                progress(number, len(cases), line)
 
-    for number, (case, curves, states) in enumerate(zip(cases, divided, listed, strict=True)):
-        solved: dict[Case, CaseResult] = {}
+        def solve(state: Case, report: Callable[[str], None] = report) -> CaseResult:
+            report(state.name)
+            return bench.solve(state, report)
+
         try:
+            moved = record_fall(case, bench.parameters) if case.fall else case
+            curves = moved.divide(min(bench.parameters.array.pitch))
+            states = list(dict.fromkeys(state for curve in curves for state in curve.cases))
             if bench.comparison is not None:
                 bench.comparison.check_unseen(states)
-            for state in states:
-                report(state.name)
-                solved[state] = bench.solve(state, report)
-                done += 1
-            results.append(score_moving(bench, case, curves, solved))
+            results.append(score_moving(bench, moved, curves, {state: solve(state) for state in states}))
         except (ValueError, ConvergenceError) as error:
             converged = not isinstance(error, ConvergenceError)
             skipped.append(SkippedCase.of(case.heaviest, str(error), converged=converged))
@@ -125,19 +124,7 @@ def run_moving(
         except KeyboardInterrupt:
             skipped += [SkippedCase.of(each.heaviest, "interrupted") for each in cases[number:]]
             return Moved(tuple(results), tuple(skipped), interrupted=True)
-        done = sum(map(len, listed[: number + 1]))
     return Moved(tuple(results), tuple(skipped))
-
-
-def _record_falls(
-    cases: Sequence[MovingCase], parameters: Parameters, skipped: list[SkippedCase]
-) -> Iterator[MovingCase]:
-    """Yield the cases with recorded falls; those that miss the array are skipped."""
-    for case in cases:
-        try:
-            yield record_fall(case, parameters) if case.fall else case
-        except ValueError as error:
-            skipped.append(SkippedCase.of(case.heaviest, str(error)))
 
 
 def record_fall(case: MovingCase, parameters: Parameters) -> MovingCase:
@@ -176,7 +163,7 @@ def record_fall(case: MovingCase, parameters: Parameters) -> MovingCase:
         )
     loads *= min(1.0, case.most / loads.max())
     times = tuple((TIMESTEP * np.arange(len(loads))).tolist())
-    return replace(case, times=times, loads=tuple(loads.tolist()), poses=case.poses[:1] * len(loads))
+    return replace(case, times=times, values=tuple(loads.tolist()), poses=case.poses[:1] * len(loads))
 
 
 def score_moving(
@@ -227,7 +214,8 @@ def score_moving(
         indenter=case.shape,
         states=sum(len(curve.cases) for curve in curves),
         interpolation_error=max(
-            estimate_interpolation(curve, each[TRUTH]) for curve, each in zip(curves, shares, strict=True)
+            float(0.5 * estimate_interpolation(curve.positions, each[TRUTH]).sum(axis=1).max())
+            for curve, each in zip(curves, shares, strict=True)
         ),
         fastest=case.fastest,
         resonance=resonance,
@@ -242,7 +230,7 @@ def _list_limits(bench: Bench, case: MovingCase, samples: Samples, resonance: fl
     """Yield sentences about what counts in a case and is not computed."""
     yield from warn_of_inertia(case.fastest, resonance)
     if case.fall:
-        weight, most = case.loads[-1], max(case.loads)
+        weight, most = case.values[-1], max(case.values)
         lowered = ", lowered for `deepest`" if most > (1 - _NOTHING) * case.most else ""
         yield "the load is that of MuJoCo's contacts, which the cover does not determine: spread and chain are scored"
         yield f"the impact is {most:.3g} N, {most / weight:.1f} times the weight of {weight:.3g} N{lowered}"

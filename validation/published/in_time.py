@@ -18,6 +18,14 @@ from meshes.array_types import FloatArray
 Term = Callable[[FloatArray, float], FloatArray]
 
 
+def _run(above: FloatArray | list[float], below: FloatArray | list[float], forces: FloatArray) -> FloatArray:
+    """Run the filter with these coefficients of the powers of the delay, settled at the first forces."""
+    from scipy.signal import lfilter, lfilter_zi
+
+    start = lfilter_zi(above, below).reshape(-1, *(1,) * (forces.ndim - 1)) * forces[:1]
+    return np.asarray(lfilter(above, below, forces, axis=0, zi=start)[0])
+
+
 def recursion(share: float, interval: float) -> Term:
     """Return the filter y = share f + (1 - share) y, computed at intervals and held between them.
 
@@ -27,13 +35,9 @@ def recursion(share: float, interval: float) -> Term:
     """
 
     def apply(forces: FloatArray, step: float) -> FloatArray:
-        from scipy.signal import lfilter
-
         rounds = np.floor(np.arange(len(forces)) * step / interval + 1e-9).astype(int)
         at = np.minimum(np.ceil(np.arange(rounds[-1] + 1) * interval / step - 1e-9).astype(int), len(forces) - 1)
-        start = (1 - share) * forces[:1]
-        found, _ = lfilter([share], [1, share - 1], forces[at], axis=0, zi=start)
-        return np.asarray(np.asarray(found)[rounds])
+        return np.asarray(_run([share], [1.0, share - 1], forces[at])[rounds])
 
     return apply
 
@@ -47,10 +51,10 @@ def mean_of(samples: int, interval: float) -> Term:
     """
 
     def apply(forces: FloatArray, step: float) -> FloatArray:
+        from scipy.ndimage import uniform_filter1d
+
         count = max(1, round(samples * interval / step))
-        padded = np.concatenate([np.repeat(forces[:1], count, axis=0), forces])
-        sums = np.cumsum(padded, axis=0)
-        return np.asarray((sums[count:] - sums[:-count]) / count)
+        return np.asarray(uniform_filter1d(forces, count, axis=0, mode="nearest", origin=(count - 1) // 2))
 
     return apply
 
@@ -82,12 +86,11 @@ def oscillator(stiffness: float, damping: float, mass: float) -> Term:
     """
 
     def apply(forces: FloatArray, step: float) -> FloatArray:
-        from scipy.signal import cont2discrete, lfilter, lfilter_zi
+        from scipy.signal import cont2discrete
 
         system = np.array([stiffness]), np.array([mass, damping, stiffness])
         above, below, _ = cont2discrete(system, step, method="foh")
-        start = lfilter_zi(above[0], below).reshape(-1, *(1,) * (forces.ndim - 1)) * forces[:1]
-        return np.asarray(lfilter(above[0], below, forces, axis=0, zi=start)[0])
+        return _run(above[0], below, forces)
 
     return apply
 
@@ -101,10 +104,7 @@ def relaxation(strength: float, time: float) -> Term:
     """
 
     def apply(forces: FloatArray, step: float) -> FloatArray:
-        from scipy.signal import lfilter
-
-        changes = np.diff(forces, axis=0, prepend=forces[:1])
-        return forces + strength * np.asarray(lfilter([1.0], [1.0, -np.exp(-step / time)], changes, axis=0))
+        return forces + strength * _run([1.0, -1.0], [1.0, -np.exp(-step / time)], forces)
 
     return apply
 

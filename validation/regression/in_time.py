@@ -78,7 +78,7 @@ def _score_made_up() -> Readings:
     places = [(0.0, 0.0)] * 4 + [(6e-3, 3e-3)] * 2
     case = MovingCase(
         name="made up", indenter=Sphere(radius=5e-3), shape="sphere:radius=5mm",
-        times=(0.0, 0.05, 0.1, 0.3, 0.6, 0.7), loads=(0.0, 0.0, 3.0, 2.0, 2.0, 0.0),
+        times=(0.0, 0.05, 0.1, 0.3, 0.6, 0.7), values=(0.0, 0.0, 3.0, 2.0, 2.0, 0.0),
         poses=tuple(Pose.planar(at=at) for at in places),
     )  # fmt: skip
     curves = case.divide(parameters.array.pitch[0])

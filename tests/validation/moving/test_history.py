@@ -67,7 +67,7 @@ def test_the_interpolation_is_exact_for_cubics_and_constant_below_the_first_stat
     ("changes", "words"),
     [
         ({"time": ["0.1 s", "0.2 s"]}, "moving[0].time[0]: the history must begin at 0 s"),
-        ({"time": ["0 s", "0 s"]}, "must come at least 1 ms, one sample, after 0 s"),
+        ({"time": ["0 s", "0 s"]}, "must come at least 1 ms after 0 s"),
         ({"time": ["0 s", "0.5 ms"]}, "at least 1 ms"),
         ({"time": ["0 s", "-1 s"]}, "moving[0].time[1]"),
         ({"time": ["0 s"]}, "moving[0].time"),
@@ -111,7 +111,7 @@ def test_a_file_of_loads_is_the_history(tmp_path):
     """A force sensor's file in milliseconds since its start; other keys of the table remain."""
     (case,), _ = read_in(tmp_path, write(tmp_path, "time_ms,force\n5000,0\n5010,2.5\n5040,1\n") | {"at": "1mm,2mm"})
     assert case.times == pytest.approx((0.0, 0.01, 0.04))
-    assert case.loads == (0.0, 2.5, 1.0)
+    assert case.values == (0.0, 2.5, 1.0)
     assert {pose.at for pose in case.poses} == {(1e-3, 2e-3)}
     assert case.fastest == pytest.approx(0.35 / 0.01)
 
@@ -174,7 +174,7 @@ def test_loads_are_lowered_as_those_of_other_cases():
     table = {"name": "x", "indenter": TAP["indenter"], "load": "5 N"}
     (static,) = parse_campaign({"case": [table], "deepest": "10 %"}, places, source="x").cases
     assert 0 < static.load < 2
-    assert case.loads == pytest.approx((0.0, static.load))
+    assert case.values == pytest.approx((0.0, static.load))
     fall = TAP | {"load": "0.01 N", "fall": "3 mm", "time": ["0 s", "0.4 s"]}
     (falling,) = parse_campaign({"moving": [fall], "deepest": "10 %"}, places, source="x").moving
     assert falling.most == pytest.approx(static.load, rel=0.05)

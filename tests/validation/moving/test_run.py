@@ -58,7 +58,7 @@ def score(case):
 def test_forces_between_the_states_and_scores_are_those_of_every_instant(case):
     found, samples = score(case), case.sample(RATE)
     within = np.where(samples.times < case.duration, samples.times % case.times[-1], case.times[-1])
-    loads = np.interp(within, case.times, case.loads)
+    loads = np.interp(within, case.times, case.values)
     places = np.stack([np.interp(within, case.times, [pose.at[k] for pose in case.poses]) for k in (0, 1)], axis=1)
     true, model = (
         np.array([spread(load, at, sigma) for load, at in zip(loads, places, strict=True)]) for sigma in (4e-3, 4.4e-3)
@@ -175,7 +175,7 @@ def test_a_falling_ball_hits_the_cover_after_the_time_of_its_fall_and_comes_to_r
 
     case = dataclasses.replace(make_case((0.0, 0.4), (0.5, 0.5), [(0.7e-3, 1.1e-3)] * 2), fall=3e-3)
     found = record_fall(case, PARAMETERS)
-    loads, fallen = np.array(found.loads), np.sqrt(2 * 3e-3 / STANDARD_GRAVITY)
+    loads, fallen = np.array(found.values), np.sqrt(2 * 3e-3 / STANDARD_GRAVITY)
     assert found.times[np.argmax(loads > 0)] == pytest.approx(fallen, abs=2.1e-3)
     assert loads[-1] == pytest.approx(0.5, rel=1e-3)
     assert 1e-3 * (loads.sum() - 0.5 * len(loads)) == pytest.approx(0.0, abs=0.5 * 3e-3)
@@ -191,7 +191,7 @@ def test_a_fall_through_the_contacts_is_refused_with_a_height_that_works():
     with pytest.raises(InputError, match="fall: a body that falls by 100 mm does not rest") as found:
         record_fall(case, PARAMETERS)
     height = float(re.findall("write fall = '(.*) mm'", str(found.value))[0])
-    loads = record_fall(dataclasses.replace(case, fall=1e-3 * height), PARAMETERS).loads
+    loads = record_fall(dataclasses.replace(case, fall=1e-3 * height), PARAMETERS).values
     assert np.sum(loads) * 1e-3 == pytest.approx(0.5 * 0.3, rel=0.02)
     with pytest.raises(InputError, match="end the history later"):
         record_fall(dataclasses.replace(case, times=(0.0, 0.03), fall=3e-3), PARAMETERS)
@@ -201,9 +201,9 @@ def test_the_impact_is_limited_and_not_the_weight():
     """Its force is proportional to the weight, so that the lowered fall is the fall of the lower weight."""
     case = dataclasses.replace(make_case((0.0, 0.2), (0.5, 0.5), [(0.0, 0.0)] * 2), fall=2e-3)
     limited = record_fall(dataclasses.replace(case, most=1.0), PARAMETERS)
-    assert max(limited.loads) == pytest.approx(1.0)
-    lighter = dataclasses.replace(case, loads=(0.5 / max(record_fall(case, PARAMETERS).loads),) * 2)
-    assert limited.loads == pytest.approx(record_fall(lighter, PARAMETERS).loads, rel=1e-6, abs=1e-9)
+    assert max(limited.values) == pytest.approx(1.0)
+    lighter = dataclasses.replace(case, values=(0.5 / max(record_fall(case, PARAMETERS).values),) * 2)
+    assert limited.values == pytest.approx(record_fall(lighter, PARAMETERS).values, rel=1e-6, abs=1e-9)
     assert any("lowered for `deepest`" in each for each in score(limited).warnings)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from meshes.array_types import FloatArray
     from validation.campaign.comparison import Comparison
     from validation.press_files import LoadCurve
+    from validation.press_history import HistoryPress
     from validation.pressing import PressRequest
     from validation.sensor_file import SensorDescription
 
@@ -112,110 +114,76 @@ def press(
 
 
 def _compute(request: PressRequest, curve: int | None, out: Path | None, *, json: bool) -> int:
-    """Compute one indentation, a curve or a history, as requested."""
+    """Compute one indentation, a curve or a history as requested, print it, and write its files to `out` if given."""
     from fem_reference.errors import PiercedError
-
-    try:
-        if request.history is not None:
-            return _follow(request, out, json=json)
-        if curve is not None and out is not None:
-            return _trace(request, curve, out, json=json)
-        return _compare(request, out, json=json)
-    except PiercedError as error:
-        raise InputError(f"--{error.control}: {error}") from error
-
-
-def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
-    """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
     from validation.output_folder import optional_folder
     from validation.press_files import write_press
     from validation.scene.draw import lacks_picture
 
-    with optional_folder(out) as folder, output.Progress() as progress:
-        comparison = request.run(fields=folder is not None, as_far=True, progress=progress)
-        files = write_press(comparison, folder) if folder else ()
+    found: Comparison | LoadCurve | HistoryPress
+    try:
+        with optional_folder(out) as folder, output.Progress() as progress:
+            if request.history is not None:
+                found = followed = request.follow(progress)
+                show, write = partial(_print_history, followed), followed.write
+            elif curve is not None:
+                found = traced = request.trace(curve, progress)
+                show, write = partial(_print_curve, traced), traced.write
+            else:
+                found = compared = request.run(fields=folder is not None, as_far=True, progress=progress)
+                show, write = partial(_print_comparison, compared), partial(write_press, compared)
+            files = write(folder) if folder else ()
+    except PiercedError as error:
+        raise InputError(f"--{error.control}: {error}") from error
     if json:
-        output.print_json(comparison.as_json())
+        output.print_json(found.as_json())
     else:
-        _print_comparison(comparison)
-    for result in (comparison.fem, comparison.fast):
-        for sentence in result.warnings if result is not None else ():
-            output.say(f"softcover: warning: {sentence}")
-    if comparison.note:
-        output.say(f"softcover: note: {comparison.note}")
+        show()
+    for sentence in found.warnings:
+        output.say(f"softcover: warning: {sentence}")
+    if found.note:
+        output.say(f"softcover: note: {found.note}")
     if files:
         output.say(f"wrote {', '.join(files)} to {out}")
-    if comparison.stopped:
-        output.say(f"softcover: {comparison.stopped}")
+    if found.stopped:
+        output.say(f"softcover: {found.stopped}")
         return NOT_CONVERGED
-    if not request.is_met_by(comparison.fem):
+    if not all(map(request.is_met_by, found.indentations)):
         return CHECK_FAILED
     return OUTSIDE_FAILED if lacks_picture(files) else DONE
 
 
-def _trace(request: PressRequest, points: int, out: Path, *, json: bool) -> int:
-    """Compute a curve of load over depth by finite elements, print it and write it to `out`."""
-    from validation.output_folder import new_folder
-
-    with new_folder(out) as folder, output.Progress() as progress:
-        curve = request.trace(points, progress)
-        files = curve.write(folder)
-    if json:
-        output.print_json(curve.as_json())
-    else:
-        output.print_table(
-            ("load [N]", "depth [mm]", "area [mm²]", "peak texel [N]", "energy [mJ]"), _list_points(curve)
-        )
-    for sentence in curve.warnings:
-        output.say(f"softcover: warning: {sentence}")
-    if "fast" in request.models:
-        output.say("the curve is that of the finite elements alone; the fast model was not computed")
-    output.say(f"wrote {', '.join(files)} to {out}")
-    if curve.stopped:
-        output.say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
-        return NOT_CONVERGED
-    return DONE if all(request.is_met_by(each) for each in curve.indentations) else CHECK_FAILED
+def _print_curve(curve: LoadCurve) -> None:
+    """Print a curve of load over depth."""
+    columns = {
+        "load_N": ("load [N]", 1), "depth_m": ("depth [mm]", 1e3), "contact_area_m2": ("area [mm²]", 1e6),
+        "peak_texel_N": ("peak texel [N]", 1), "energy_J": ("energy [mJ]", 1e3),
+    }  # fmt: skip
+    _print_rows(columns, curve.rows())
 
 
-def _follow(request: PressRequest, out: Path | None, *, json: bool) -> int:
-    """Follow a press in time, print it, and write its files to `out` if given."""
-    from validation.output_folder import optional_folder
-
-    with optional_folder(out) as folder, output.Progress() as progress:
-        found = request.follow(progress)
-        files = found.write(folder) if folder else ()
-    if json:
-        output.print_json(found.as_json())
-    else:
-        columns = {
-            "time_s": ("time [s]", 1), "load_N": ("load [N]", 1), "depth_m": ("depth [mm]", 1e3),
-            "contact_depth_m": ("elastic depth", 1e3), "peak_texel_N": ("peak texel [N]", 1),
-            "elastic_load_ratio": ("elastic load", 1), "elastic_misplaced": ("misplaced [%]", 100),
-        }  # fmt: skip
-        rows = [[f"{factor * row[name]:.4g}" for name, (_, factor) in columns.items()] for row in found.pick_rows()]
-        title = f"{found.case.shape} on {found.array.name} at {found.case.place}"
-        output.print_table([heading for heading, _ in columns.values()], rows, title=title)
-        errors = output.describe_errors(
-            {name: each for name, each in found.followed.error_estimate.items() if each > _SMALL}
-        )
-        legend = (
-            "Elastic depth [mm]: that of an elastic cover with this contact. Elastic load, misplaced: the load of an "
-            "elastic cover over that of this one, and its force on wrong texels."
-        )
-        notes = (f"{note[0].upper()}{note[1:]}." for note in found.notes)
-        output.print_meaning([legend, *notes, f"Error estimates over the largest force and depth: {errors}."])
-    for sentence in found.warnings:
-        output.say(f"softcover: warning: {sentence}")
-    if files:
-        output.say(f"wrote {', '.join(files)} to {out}")
-    return DONE
+def _print_history(found: HistoryPress) -> None:
+    """Print a press in time."""
+    columns = {
+        "time_s": ("time [s]", 1), "load_N": ("load [N]", 1), "depth_m": ("depth [mm]", 1e3),
+        "contact_depth_m": ("elastic depth", 1e3), "peak_texel_N": ("peak texel [N]", 1),
+        "elastic_load_ratio": ("elastic load", 1), "elastic_misplaced": ("misplaced [%]", 100),
+    }  # fmt: skip
+    _print_rows(columns, found.pick_rows(), f"{found.case.shape} on {found.array.name} at {found.case.place}")
+    estimates = {name: each for name, each in found.followed.error_estimate.items() if each > _SMALL}
+    legend = (
+        "Elastic depth [mm]: that of an elastic cover with this contact. Elastic load, misplaced: the load of an "
+        "elastic cover over that of this one, and its force on wrong texels."
+    )
+    notes = (f"{note[0].upper()}{note[1:]}." for note in found.notes)
+    errors = f"Error estimates over the largest force and depth: {output.describe_errors(estimates)}."
+    output.print_meaning([legend, *notes, errors])
 
 
-def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of the printed table of a curve: load, depth, contact area, largest texel force and energy."""
-    for row in curve.rows():
-        factors = {"load_N": 1, "depth_m": 1e3, "contact_area_m2": 1e6, "peak_texel_N": 1, "energy_J": 1e3}
-        yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
+def _print_rows(columns: Mapping[str, tuple[str, float]], rows: Iterable[Mapping[str, float]], title: str = "") -> None:
+    """Print a table of rows in SI units, given heading and factor of each column."""
+    texts = [[f"{factor * row[name]:.4g}" for name, (_, factor) in columns.items()] for row in rows]
+    output.print_table([heading for heading, _ in columns.values()], texts, title=title)
 
 
 def _print_comparison(comparison: Comparison) -> None:
