@@ -59,6 +59,11 @@ _LONGEST = 100
 #: Share of the largest depth of a campaign to which flat faces press [-].
 _SHARP = 0.5
 
+#: What is said where several bodies are not computed.
+_TOGETHER = (
+    "several bodies are computed only on wide flat covers of linear-elastic layers without friction; write a case "
+    "for each body"
+)
 #: Components of a direction along x, y and z in the frame of the array [-].
 Vector = tuple[float, float, float]
 Progress = Callable[[str], None]
@@ -92,6 +97,11 @@ class Places(ABC):
 
     #: Name of the file with the default campaign for this kind of cover.
     default: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def refused(self) -> Mapping[str, str]:
+        """Why cases with several bodies (`others`) or with a `motion` are not computed on this cover, with a remedy."""
 
     def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
         """Read the texts of a pose without computations.
@@ -185,12 +195,21 @@ class FlatPlaces(Places):
         array: The array, in whose frame places are given.
         whole: Whether the axis of the indenter must lie over the array.
         cover: The cover; None if it is not known.
+        friction: Coefficient of friction between indenter and cover [-].
     """
 
     array: TexelArray
     whole: bool = False
     cover: Cover | None = None
+    friction: float = 0.0
     default = "default.toml"
+
+    @property
+    def refused(self) -> Mapping[str, str]:
+        """Several bodies press on wide covers of linear layers without friction; see `Places`."""
+        if self.cover is None or (self.cover.size is None and self.cover.small_strain_only and not self.friction):
+            return {}
+        return {"others": _TOGETHER}
 
     @property
     def named(self) -> dict[str, tuple[float, float]]:
@@ -267,6 +286,12 @@ class SolidPlaces(Places):
     sensor: SensorDescription
     progress: Progress | None = field(default=None, repr=False)
     default = "curved.toml"
+
+    @property
+    def refused(self) -> Mapping[str, str]:
+        """One indenter presses at one place; see `Places`."""
+        motion = "motions along a curved cover and falls on it are not computed; give one place and loads"
+        return {"others": _TOGETHER, "motion": motion}
 
     @cached_property
     def mesh(self) -> SolidMesh:
@@ -435,7 +460,8 @@ def find_places(cover: object, sensor: SensorDescription | Parameters, progress:
         progress: Called with a line of text before each step.
     """
     del progress
-    return FlatPlaces(array=sensor.array, cover=cover if isinstance(cover, Cover) else None)
+    friction = getattr(sensor, "friction", 0.0)
+    return FlatPlaces(array=sensor.array, cover=cover if isinstance(cover, Cover) else None, friction=friction)
 
 
 @find_places.register(SolidCover)

@@ -9,10 +9,12 @@ import pytest
 
 from meshes.bounded_file import parse_toml
 from meshes.solids import fingertip
+from tests.support.rubber import make_cover
 from validation.campaign.campaign_file import parse_campaign, read_campaign
 from validation.campaign.case import describe_pose
 from validation.cover_meshes import make_meshes
 from validation.errors import InputError
+from validation.moving.history import read_moving
 from validation.places import FlatPlaces, SolidPlaces, find_middle, find_places
 from validation.sensor_file import CURVED
 
@@ -196,6 +198,35 @@ def test_keys_of_curved_covers_are_refused_on_flat_ones(small_pad):
     ):
         with pytest.raises(InputError, match=said):
             parse_campaign(parse_toml(text), FlatPlaces(array=small_pad.array), source="mine.toml")
+
+
+BALL = {"name": "x", "indenter": "sphere:radius=3mm"}
+SECOND = BALL | {"load": "1 N", "others": [{"indenter": "sphere:radius=3mm", "load": "1 N", "at": "edge"}]}
+DROP = BALL | {"time": ["0 s", "0.5 s"], "load": "0.1 N"}
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"fall": "3 mm"}, "moving[0].fall: motions along a curved cover and falls on it"),
+        ({"at": ["middle", "edge"]}, "moving[0].at: motions along a curved cover and falls on it"),
+    ],
+)
+def test_motions_and_bodies_on_curved_covers_are_left_out_before_a_mesh_is_made(small_pad, table, said, monkeypatch):
+    """Also on a top that faces upwards."""
+    monkeypatch.setattr(SolidPlaces, "find", lambda *_: pytest.fail("located"))
+    places = find_places(small_pad.cover, small_pad)
+    (fault,) = read_moving([DROP | table], places)[1]
+    assert fault.startswith(said)
+    with pytest.raises(InputError, match=r"mine.toml: case\[0\].others: several bodies are computed only on wide flat"):
+        parse_campaign({"case": [SECOND]}, places, source="mine.toml")
+
+
+@pytest.mark.parametrize(("friction", "model"), [(0.3, "linear-elastic"), (0.0, "neo-hookean")])
+def test_bodies_on_flat_covers_that_are_rubbed_or_not_linear_are_left_out_when_read(small_pad, friction, model):
+    places = FlatPlaces(array=small_pad.array, cover=make_cover(model=model), friction=friction)
+    with pytest.raises(InputError, match=r"case\[0\].others: several bodies"):
+        parse_campaign({"case": [SECOND]}, places, source="mine.toml")
 
 
 def test_loads_of_a_file_are_taken_as_they_are(solid_places):

@@ -241,6 +241,8 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
     if "others" in given and isinstance(places, FlatPlaces):
         places = dataclasses.replace(places, whole=True)
     table = faults.read(parse, data, CaseTable, place=("case", number))
+    if table and table.others and "others" in places.refused:
+        raise InputError(f"case[{number}].others: {places.refused['others']}")
     pose = faults.read(lambda: places.find(places.parse({"at": "centre", **texts}, f"case[{number}].")))
     others = tuple(
         faults.read(_read_other, other, given["others"][k], places, f"case[{number}].others[{k}].")

@@ -21,7 +21,7 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 from validation.campaign.case import Case
 from validation.errors import InputError, at
 from validation.moving.inertia import BANDWIDTH
-from validation.places import Places
+from validation.places import FlatPlaces, Places
 from validation.recordings.tables import read_history
 from validation.schema import parse
 from validation.schema.campaign import LONGEST_HISTORY, MOST_INSTANTS, MovingTable
@@ -352,6 +352,10 @@ def _read_case(data: Mapping[str, Any], number: int, places: Places, folder: Pat
     if columns := _read_columns(data, place, folder):
         data = {**data, **columns}
     table = parse(data, MovingTable, place=("moving", number))
+    if (table.fall or len(set(table.at)) > 1) and "motion" in places.refused:
+        raise InputError(f"{place}.{'fall' if table.fall else 'at'}: {places.refused['motion']}")
+    if table.fall and isinstance(places, FlatPlaces):
+        places = replace(places, whole=True)
     texts = {key: text for key in ("yaw", "tilt") if (text := getattr(table, key)) is not None}
     known = {each: places.find(places.parse({"at": each, **texts}, f"{place}.")) for each in dict.fromkeys(table.at)}
     found = [known[text] for text in table.at]
@@ -361,10 +365,6 @@ def _read_case(data: Mapping[str, Any], number: int, places: Places, folder: Pat
     for key, given in (("load", len(loads)), ("at", len(poses))):
         if given != count:
             raise InputError(f"{place}.{key}: {given} values for {count} instants; give one for each, or one value")
-    if (len(set(poses)) > 1 or table.fall) and not all(pose.is_planar for pose in poses):
-        raise InputError(
-            f"{place}.at: motions along a curved cover and falls on it are not computed; give one place and loads"
-        )
     if table.repeat > 1 and (loads[0] != loads[-1] or poses[0] != poses[-1]):
         raise InputError(f"{place}.repeat: the history must end with the load and the place with which it begins")
     far = sum(math.dist(one.point, other.point) for one, other in itertools.pairwise(poses))
