@@ -8,9 +8,11 @@ from .api import (
     export as export,
     load as load,
     press as press,
+    press_in_time as press_in_time,
     record as record,
     regress as regress,
     replay as replay,
     validate as validate,
 )
+from .moving.history import History as History
 from .results.report import read_report as read_report

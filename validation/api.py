@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from validation.data_sets.data_set import DataSet
     from validation.data_sheet import DataSheet
     from validation.derivation.derive import Derivation
+    from validation.moving.history import History
+    from validation.press_history import HistoryPress
     from validation.recordings.capture import Captured
     from validation.recordings.recording import Recording
     from validation.regression.baseline import Regression
@@ -222,6 +224,51 @@ def press(
         pose={"at": at, "direction": direction, "yaw": yaw, "tilt": tilt},
     )  # fmt: skip
     return request.run(progress=progress)
+
+
+def press_in_time(
+    sensor: SensorDescription | str | Path,
+    indenter: str,
+    *,
+    history: str | Path | History | None = None,
+    hold: str | None = None,
+    load: str | None = None,
+    depth: str | None = None,
+    at: str | None = None,
+    yaw: str | None = None,
+    tilt: str | None = None,
+    progress: Progress | None = None,
+) -> HistoryPress:
+    """Press an indenter on a relaxing cover over a history of loads or depths, by finite elements.
+
+    Args:
+        sensor: Sensor, whose flat linear cover states a `relaxation`.
+        indenter: Shape of the indenter, such as `sphere:radius=5mm`.
+        history: Load or depth in time: a CSV file, or a `History`; give either a history or `hold`.
+        hold: Time for which load or depth are held after a step, such as `60 s`.
+        load: Held force, such as `5 N`; with `hold`, give either load or depth.
+        depth: Held depth, such as `0.3 mm`.
+        at: Position of the indenter's axis, as for `press`.
+        yaw: Rotation of the indenter about its axis, such as `45 deg`.
+        tilt: Rotations of the indenter about its x and y axes, such as `1deg,0deg`.
+        progress: Called with a line of text before each step.
+
+    Returns:
+        Force, depth and texel forces at each instant, with error estimates.
+
+    Raises:
+        InputError: If an option cannot be read, or the history is not computed on the cover.
+        MissingExtraError: If finite elements are not installed.
+        ConvergenceError: If the finite elements did not converge.
+    """
+    from validation.pressing import read_request
+
+    require("skfem")
+    request = read_request(
+        lambda _: describe(sensor), indenter, load=load, depth=depth, history=history, hold=hold,
+        pose={"at": at, "yaw": yaw, "tilt": tilt},
+    )  # fmt: skip
+    return request.follow(progress)
 
 
 def validate(

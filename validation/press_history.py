@@ -32,12 +32,25 @@ if TYPE_CHECKING:
 _SHOWN = 10
 
 
-def read_history(path: str | Path) -> History:
-    """Read a history from a CSV file with the columns `time` [s] and `load` [N] or `depth` [m].
+def read_history(source: str | Path | History) -> History:
+    """Read a history of one touch: from a CSV file with the columns `time` [s] and `load` [N] or `depth` [m], or made.
 
     Raises:
-        InputError: If the file cannot be read, has other columns, or holds no history of one touch.
+        InputError: If the file cannot be read, has other columns or holds no history, or the indenter slides, presses
+            again or lifts off before the last instant.
     """
+    history = source if isinstance(source, History) else _read_file(Path(source))
+    with at(f"{history.place}: "):
+        if len(set(history.poses)) > 1 or history.repeat > 1:
+            raise InputError("slides and repetitions are not computed on relaxing covers; give one touch at one place")
+        pressed = np.flatnonzero(history.values)[0]
+        if len(lifted := np.flatnonzero(np.array(history.values[pressed:-1]) == 0)):
+            instant = history.times[pressed + lifted[0]]
+            raise InputError(f"lifts off at {instant:g} s; end it there, or keep the {history.control} up")
+    return history
+
+
+def _read_file(path: Path) -> History:
     with at("--history: "):
         found = tables.read_history(path, ("load",), ("depth",), ("load", "x", "y"), ("depth", "x", "y"))
     with at(f"--history: {path}: "):
@@ -45,11 +58,7 @@ def read_history(path: str | Path) -> History:
             raise InputError("slides are not computed on relaxing covers; leave out x and y")
         control: Literal["load", "depth"] = "load" if "load" in found else "depth"
         values, times = tuple(found[control].tolist()), tuple(found["time"].tolist())
-        history = History(control=control, times=times, values=values, place=f"--history: {path}")
-        first = next(k for k, value in enumerate(values) if value)
-        if (lifted := next((k for k in range(first, len(values) - 1) if not values[k]), None)) is not None:
-            raise InputError(f"lifts off at {times[lifted]:g} s; end it there, or keep the {control} up")
-    return history
+        return History(control=control, times=times, values=values, place=f"--history: {path}")
 
 
 def read_hold(text: str, control: Literal["load", "depth"], value: float) -> History:

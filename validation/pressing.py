@@ -196,7 +196,7 @@ class PressRequest:
         from validation.press_history import HistoryPress
 
         if not isinstance(self.sensor, SensorDescription) or self.history is None:
-            raise InputError("a history needs the description of the cover")
+            raise InputError("--history, --hold: give one of them, and a sensor file; for example --hold 60s")
         cover = self.sensor.require_layers("--history, --hold: curved covers are not computed in time")
         if self._choose_friction()[0]:
             raise InputError(f"{self._choose_friction()[1]}: histories have no friction; write --friction 0")
@@ -299,7 +299,7 @@ def read_request(
     models: str = ",".join(MODELS),
     method: str = "default",
     curve: int | None = None,
-    history: str | Path | None = None,
+    history: str | Path | History | None = None,
     hold: str | None = None,
     out: object = None,
 ) -> PressRequest:
@@ -317,7 +317,7 @@ def read_request(
         models: Names of the models to compute, joined by commas.
         method: Contact method of the fast model.
         curve: Number of points of a curve of load over depth; None for a single press.
-        history: CSV file with the load or depth in time, instead of a load or depth.
+        history: CSV file with the load or depth in time, or such a history, instead of a load or depth.
         hold: Time for which load or depth are held on a relaxing cover, for example `60s`.
         out: Folder for the files of the press; None for no files.
 
@@ -393,15 +393,19 @@ def _read_force(load: str | None, depth: str | None) -> tuple[float | None, floa
 
 
 def _read_history(
-    path: str | Path | None, hold: str | None, force: tuple[float | None, float | None] | None, *, given: str | None
+    source: str | Path | History | None,
+    hold: str | None,
+    force: tuple[float | None, float | None] | None,
+    *,
+    given: str | None,
 ) -> History | None:
     """Read the options --history and --hold, given the load [N] and depth [m] of the press; None without both."""
     from validation.press_history import read_history, read_hold
 
-    if path is not None and (hold is not None or given is not None):
-        raise InputError("--history: leave out --load, --depth and --hold, which the file replaces")
-    if path is not None:
-        return read_history(Path(path))
+    if source is not None and (hold is not None or given is not None):
+        raise InputError("--history: leave out --load, --depth and --hold, which it replaces")
+    if source is not None:
+        return read_history(source)
     if hold is None or force is None:
         return None
     return next(read_hold(hold, name, each) for name, each in zip(_CONTROLS, force, strict=True) if each is not None)

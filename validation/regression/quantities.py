@@ -49,6 +49,8 @@ _DERIVED: Mapping[str, tuple[str, float | str]] = {
 }
 #: Depth of the presses with friction over the thickness of the cover [-].
 _FRICTION_DEPTH = 0.02
+#: Instants at which a relaxing cover is guarded [s], and depth of the touches over the thickness [-].
+_AGES, _RELAXED_DEPTH = (0.0, 1.0, 10.0, 60.0), 0.02
 #: Standard uncertainty of measured forces over the force, in the experiment on uncertainties [-].
 _DATA = 0.02
 #: Tolerance of the guarded metrics in their units, see `find_unit`.
@@ -217,6 +219,40 @@ def measure_friction(subject: Subject) -> Readings:
     }
 
 
+def measure_relaxation(subject: Subject) -> Readings:
+    """Follow touches of a cover that relaxes: a face at a held depth, and a ball on a half-space of its material.
+
+    The force of the ball, a power 3/2 of the depth in units of the largest, needs no finite elements.
+    """
+    found = subject.derivation
+    if found is None or not any(layer.material.relaxation for layer in found.sensor.cover.layers):
+        return {}
+    from fem_reference.errors import UnsupportedError
+    from fem_reference.indentation.relaxing import ElasticCurve, find_relaxation, follow_curves, follow_press
+
+    sensor, held = found.sensor, np.ones(len(_AGES))
+    cover, pose = sensor.layered_cover, find_places(sensor.cover, sensor).find(PoseText())
+    depth, face = _RELAXED_DEPTH * cover.thickness, Cylinder(radius=2 * cover.thickness)
+    depths = np.linspace(0.1, 1.0, 10) ** 2
+    ball = {1.0: ElasticCurve(depths=depths, values=np.outer(depths**1.5, [1.0, 1.0, 0.0]))}
+    try:
+        relaxation = find_relaxation(cover)
+        pressed = follow_press(cover, sensor.array, face, pose, times=_AGES, depths=(depth * held).tolist())
+    except UnsupportedError:  # Covers that are not followed in time; `press --history` says why.
+        return {}
+    crept = follow_curves(ball, relaxation, _AGES, 0.1 * held, control="load", is_flat=False)
+    grown = follow_curves(ball, relaxation, _AGES, np.array(_AGES) / _AGES[-1], control="depth", is_flat=False)
+
+    def pick(times: FloatArray, values: FloatArray) -> dict[str, float]:
+        return {f"{age:g} s": float(values[np.searchsorted(times, age)]) for age in _AGES[1:]}
+
+    return {
+        "force at a held depth": read(pick(pressed.times, pressed.forces), "N", "0.1 % of each"),
+        "depth under a held load": read(pick(crept.times, crept.depths), "-", "0.1 % of each"),
+        "force of a growing contact": read(pick(grown.times, grown.forces), "-", "0.1 % of each"),
+    }
+
+
 def _measure_outward_shear(found: Indentation, pose: Pose) -> float:
     """Return the sum of the shear forces on the cover away from the axis of the motion, over the load [-]."""
     arms = found.contact_points - pose.position
@@ -283,6 +319,7 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "reference": measure_reference,
         "accuracy": measure_accuracy,
         "friction": measure_friction,
+        "relaxing cover": measure_relaxation,
         "comparison models": measure_comparison_models,
         "uncertainty": measure_uncertainty,
         "data sheet": exports.measure_data_sheet,

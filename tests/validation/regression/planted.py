@@ -28,7 +28,9 @@ from fastmodel.pressure.solvers import FoundationSolver
 from fastmodel.sensor import Sensor
 from fastmodel.signal.creep import Creep
 from fem_reference.indentation import press
+from fem_reference.indentation.relaxing import ElasticCurve, _Follower
 from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
+from meshes.relaxation import Relaxation
 from validation.campaign import evaluation
 from validation.moving import run
 from validation.published.in_time import recursion
@@ -41,7 +43,7 @@ from validation.text import indenter
 
 #: Groups of quantities that need finite elements.
 WITH_ELEMENTS = (
-    "kernel", "shipped parameters", "reference", "accuracy", "friction", "comparison models", "uncertainty", "recordings",
+    "kernel", "shipped parameters", "reference", "accuracy", "friction", "relaxing cover", "comparison models", "uncertainty", "recordings",
 )  # fmt: skip
 
 
@@ -362,5 +364,19 @@ FRICTION = {
             "(x, y, *cell) * np.outer([1, 0.9, 0.9], [1, 0.9, 0.9])[..., None, None]",
         ),
         {"friction: shear"},
+    ),
+}
+RELAXING = {
+    "times of relaxation 5 % too long": (
+        edit(Relaxation, "mean", "zip(self.g, self.tau,", "zip(self.g, [1.05 * tau for tau in self.tau],"),
+        {"force at a held depth", "depth under a held load", "force of a growing contact"},
+    ),
+    "the depth of a growing contact relaxes instead of its force": (
+        edit(_Follower, "follow", "matrix @ curve.forces(grown)", "curve.forces(matrix @ grown)"),
+        {"force of a growing contact"},
+    ),
+    "depths for 0.2 % more force": (
+        edit(ElasticCurve, "depth", "self.force(np.array(d)) - f", "self.force(np.array(d)) - 1.002 * f"),
+        {"depth under a held load"},
     ),
 }

@@ -8,11 +8,14 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth
 from fem_reference import point_spread
+from meshes.relaxation import Relaxation
+from tests.support.rubber import make_rubber
 from tests.validation.regression.planted import (
     FRICTION,
     IN_TIME,
     NEIGHBOURS,
     REFERENCE,
+    RELAXING,
     REQUIRED,
     WITH_ELEMENTS,
     measure_groups,
@@ -172,3 +175,20 @@ def test_changes_of_friction_are_named(name, wts_derivation, monkeypatch, tmp_pa
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))  # The store tells codes apart by their files.
     plant(monkeypatch, wts_derivation.parameters)
     assert titles <= {each.quantity for each in compare(before, measured_reference(wts_derivation, ["friction"]), {})}
+
+
+@pytest.mark.slow
+def test_changes_of_relaxation_are_named(wts_derivation, monkeypatch):
+    """A cover of two Prony terms; sensors that do not relax have no such quantities."""
+    assert EXPERIMENTS["relaxing cover"](Subject(parameters=None, derivation=wts_derivation)) == {}
+    (layer,) = wts_derivation.sensor.cover.layers
+    material = replace(make_rubber(model="linear-elastic"), relaxation=Relaxation(g=(0.3, 0.2), tau=(0.5, 10.0)))
+    cover = replace(wts_derivation.sensor.cover, layers=(replace(layer, material=material),))
+    derivation = replace(wts_derivation, sensor=replace(wts_derivation.sensor, cover=cover))
+    before = measured_reference(derivation, ["relaxing cover"])
+    assert compare(before, measured_reference(derivation, ["relaxing cover"]), {}) == []
+    for plant, titles in RELAXING.values():
+        with monkeypatch.context() as patch:
+            plant(patch, None)
+            after = measured_reference(derivation, ["relaxing cover"])
+        assert {each.quantity for each in compare(before, after, {})} == {f"relaxing cover: {each}" for each in titles}
