@@ -16,6 +16,7 @@ from validation.errors import InputError, at
 from validation.json_values import json_text
 from validation.moving.history import History
 from validation.moving.inertia import BANDWIDTH, SLOW, find_resonance, warn_of_inertia
+from validation.moving.results import measure_misplaced
 from validation.press_files import write_rows
 from validation.recordings import tables
 from validation.render.figure import COLOURS, draw_texels, open_figure, save_figure
@@ -145,9 +146,8 @@ class HistoryPress:
     def misplaced(self) -> FloatArray:
         """Share of the force that an elastic cover puts on wrong texels, at equal forces, shape (k,) [-]."""
         found = self.followed
-        pair = np.column_stack([found.texel_forces, found.outside]), found.fast
-        one, other = (each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300) for each in pair)
-        return np.asarray(np.round(0.5 * np.abs(one - other).sum(axis=1) * (found.forces > 0), 9))
+        own = np.column_stack([found.texel_forces, found.outside])
+        return np.asarray(np.round(np.nan_to_num(measure_misplaced(own, found.fast, 0.0)), 9))
 
     def rows(self) -> list[dict[str, float]]:
         """Return one row for each instant, as names with values in SI units."""

@@ -34,9 +34,6 @@ _MOST_POINTS = 1000
 #: Own error of the reference in the texels above which the fast model is not scored in a press [-].
 _NO_SCORE = 0.05
 
-#: Names of what a press prescribes, in the order of `_read_force`.
-_CONTROLS: tuple[Literal["load", "depth"], ...] = ("load", "depth")
-
 Progress = Callable[[str], None]
 
 
@@ -408,7 +405,8 @@ def _read_history(
         return read_history(source)
     if hold is None or force is None:
         return None
-    return next(read_hold(hold, name, each) for name, each in zip(_CONTROLS, force, strict=True) if each is not None)
+    load, depth = force
+    return read_hold(hold, "depth", depth) if depth is not None else read_hold(hold, "load", load or 0.0)
 
 
 def _read_friction(text: str | None, *, used: bool) -> float | None:

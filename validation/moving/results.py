@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -12,8 +11,6 @@ from validation.results import Array, Column, Number, Result, result_model
 
 #: Name of the true forces in the series of a moving case.
 TRUTH = "truth"
-#: Share of the largest total force below which the distribution over the texels is not compared [-].
-_FAINT = 0.05
 #: Mean square difference of a shift over the smallest one, up to which it is as close [-], and rounding of it [N2].
 _AS_CLOSE, _ROUNDING = 1.5, 1e-15
 #: Longest delay that is searched, and the longest advance [s].
@@ -96,17 +93,16 @@ def measure_error(true: FloatArray, found: FloatArray) -> float:
     return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
-def measure_misplaced(true: FloatArray, found: FloatArray) -> FloatArray:
+def measure_misplaced(true: FloatArray, found: FloatArray, faint: float = 0.05) -> FloatArray:
     """Compute the share of the force on wrong texels at each instant, both forces scaled to their sums, shape (k,) [-].
-
-    The share is NaN where one of the sums is below 5 % of the largest true one.
 
     Args:
         true: True forces on the texels and outside, shape (k, n + 1) [N].
         found: Forces of a model at the same instants [N].
+        faint: Share of the largest true sum; the result is NaN where one of the sums is not above it [-].
     """
     sums = np.array([true.sum(axis=1), found.sum(axis=1)])
-    strong = (sums > _FAINT * sums[0].max()).all(axis=0)
+    strong = (sums > faint * sums[0].max()).all(axis=0)
     one, other = (each[strong] / total[strong, None] for each, total in zip((true, found), sums, strict=True))
     shares = np.full(len(true), np.nan)
     shares[strong] = 0.5 * np.abs(one - other).sum(axis=1)
@@ -132,6 +128,8 @@ def measure_delay(given: FloatArray, found: FloatArray, step: float) -> float:
         found: Texel forces at the output at the same instants [N].
         step: Time between two instants [s].
     """
+    from scipy.signal import find_peaks
+
     if not np.ptp(found, axis=0).any():
         return float("nan")
     count = len(given)
@@ -141,16 +139,12 @@ def measure_delay(given: FloatArray, found: FloatArray, step: float) -> float:
         late, early = found[max(shift, 0) : count + min(shift, 0)], given[max(-shift, 0) : count - max(shift, 0)]
         return float(((late - early) ** 2).mean())
 
-    errors: Sequence[float] = [differ(shift) for shift in shifts.tolist()]
+    errors = np.array([differ(shift) for shift in shifts.tolist()])
     # A periodic signal is nearly as close after each period; the smallest of these shifts is the delay.
-    dips = [
-        k
-        for k in range(1, len(errors) - 1)
-        if errors[k] <= min(errors[k - 1], errors[k + 1]) and errors[k] <= _AS_CLOSE * min(errors) + _ROUNDING
-    ]
+    dips = find_peaks(-errors, height=-_AS_CLOSE * errors.min() - _ROUNDING)[0].tolist()
     if not dips:
         return float("nan")
     best = min(dips, key=lambda k: abs(shifts[k]))
-    before, least, after = errors[best - 1 : best + 2]
+    before, least, after = errors[best - 1 : best + 2].tolist()
     bend = before - 2 * least + after
     return float(step * (shifts[best] + (0.5 * (before - after) / bend if bend > 0 else 0.0)))
