@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
-from scipy.optimize import brentq
+from scipy.optimize import brentq, newton
 
 from fem_reference.errors import PiercedError, UnsupportedError
 from fem_reference.finite_strain.loading_path import Control
@@ -81,20 +81,25 @@ class ElasticCurve:
     def _shares(self) -> BSpline:
         return interpolate(np.log(self.depths), self.values / self.values[:, :1])
 
+    def _log_force(self, x: FloatArray) -> FloatArray:
+        inside = np.clip(x, *self._force.t[[0, -1]])
+        return np.asarray(self._force(inside) + self._force(inside, nu=1) * (x - inside))
+
     def force(self, depth: FloatArray) -> FloatArray:
         """Return the force at depths [m], of the same shape [N]; a power of the depth outside the points."""
-        x = np.log(np.where(depth > 0, depth, 1.0))
-        inside = np.clip(x, *self._force.t[[0, -1]])
-        slope = self._force(inside, nu=1)
-        return np.where(depth > 0, np.exp(self._force(inside) + slope * (x - inside)), 0.0)
+        return np.where(depth > 0, np.exp(self._log_force(np.log(np.where(depth > 0, depth, 1.0)))), 0.0)
 
     def depth(self, force: FloatArray) -> FloatArray:
         """Return the depth at forces [N], of the same shape [m]."""
-        out = np.zeros_like(force)
-        for place in map(tuple, np.argwhere(force > 0)):
-            least, most = (force[place] / self.values[end, 0] for end in (0, -1))
-            ends = self.depths[0] * min(least, 1.0) / 2, self.depths[-1] * max(most, 1.0) * 2
-            out[place] = brentq(lambda d, f=force[place]: self.force(np.array(d)) - f, *ends, xtol=1e-18, rtol=1e-12)
+        out, pressed = np.zeros_like(force), force > 0
+        if pressed.any():
+            wanted = np.log(force[pressed])
+
+            def miss(x: FloatArray) -> FloatArray:
+                return np.asarray(self._log_force(x) - wanted)
+
+            start = np.interp(wanted, np.log(self.values[:, 0]), np.log(self.depths))
+            out[pressed] = np.exp(newton(miss, start, tol=1e-12))
         return out
 
     def forces(self, depth: FloatArray) -> FloatArray:

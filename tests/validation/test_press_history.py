@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fem_reference.indentation.relaxing import Followed
+from meshes import Cover, Pose, TexelArray
+from meshes.relaxation import Relaxation
+from tests.support.rubber import stack_layers
+from validation import press_in_time
+from validation.campaign.case import Case
 from validation.errors import InputError
 from validation.moving.history import History
-from validation.press_history import read_history, read_hold
+from validation.press_history import HistoryPress, read_history, read_hold
 
 RUBBER = """
 [array]
@@ -164,3 +171,107 @@ def test_fast_histories_and_ignored_relaxation_are_told(press, tmp_path):
     assert "change at up to 350 Hz, above a tenth of the cover's first shear resonance" in err
     assert "results hold just after loading" not in err
     assert "results hold just after loading" in press("--load", "1N", "--model", "fem")[2]
+
+
+def make_press(history, **relaxation):
+    """A made-up press: three instants on one row of two texels, on 3 mm of 0.5 MPa below 1 mm of 2 MPa."""
+    relaxes = Relaxation(g=(0.36,), tau=(2.0,), **relaxation)
+    layers = stack_layers((3e-3, 0.5e6, 0.0), (1e-3, 2e6, 0.0)).layers
+    cover = Cover(layers=tuple(replace(e, material=replace(e.material, relaxation=relaxes)) for e in layers))
+    followed = Followed(
+        times=np.array([0.0, 1.0, 4.0]), forces=np.array([0.0, 2.0, 1.0]), depths=np.array([0.0, 1e-4, 2e-4]),
+        contact_depths=np.array([0.0, 1e-4, 3e-4]), texel_forces=np.array([[0.0, 0.0], [1.2, 0.6], [0.3, 0.2]]),
+        outside=np.array([0.0, 0.2, 0.5]), fast=np.array([[0.0, 0.0, 0.0], [1.5, 0.75, 0.25], [1.6, 1.2, 1.2]]),
+        error_estimate={"presses": 0.02}, warnings=("too deep",),
+    )  # fmt: skip
+    case = Case.read("press", "sphere:radius=5mm", "2 N", at="1mm,2mm")
+    array = TexelArray.grid(1, 2, 3e-3)
+    return HistoryPress(case=case, array=array, cover=cover, relaxation=relaxes, history=history, followed=followed)
+
+
+RAMP = History(control="depth", times=(0.0, 1.0, 4.0), values=(0.0, 1e-4, 2e-4))
+
+
+def test_rows_of_a_press_in_time_hold_what_was_followed_and_what_an_elastic_cover_would_do():
+    """At 4 s the texels bear 0.3 and 0.2 of a unit and 0.5 lies outside; the elastic cover has 0.4, 0.3 and 0.3."""
+    found = make_press(RAMP)
+    first, second, last = found.rows()
+    assert (first["elastic_load_ratio"], first["elastic_misplaced"]) == (1.0, 0.0)
+    assert second == {
+        "time_s": 1.0, "load_N": 2.0, "depth_m": 1e-4, "contact_depth_m": 1e-4, "peak_texel_N": 1.2, "outside_N": 0.2,
+        "elastic_load_ratio": 1.25, "elastic_misplaced": 0.0,
+    }  # fmt: skip
+    assert (last["contact_depth_m"], last["elastic_load_ratio"]) == (3e-4, 4.0)
+    assert last["elastic_misplaced"] == pytest.approx(0.5 * (0.1 + 0.1 + 0.2))
+    assert found.pick_rows() == [first, second, last]
+
+
+@pytest.mark.parametrize(
+    ("control", "bulk", "said"),
+    [
+        (
+            "depth",
+            "relaxing",
+            ("bulk modulus relaxes with", "up to 20 % of the force", "is up to 4 times that"),
+        ),
+        ("load", "constant", ("bulk modulus is constant (approximate", "wrong texels")),
+    ],
+)
+def test_notes_state_the_bulk_modulus_and_the_error_of_the_fast_model(control, bulk, said):
+    notes = make_press(replace(RAMP, control=control), bulk=bulk).notes
+    assert all(any(each in note for note in notes) for each in said)
+    assert len(notes) == 3
+    assert notes[-1].endswith("wrong texels") is (control == "load")
+
+
+def test_the_resonance_follows_the_modulus_and_a_step_is_a_rise():
+    """4/13 MPa in shear over 4 mm; after the last change at 2 s the modulus is 1 - 0.36 (1 - 1/e)."""
+    whole, relaxed = (4e6 / 13 / 1100) ** 0.5 / 16e-3, 1 - 0.36 * (1 - np.exp(-1))
+    found = make_press(History(control="load", times=(0.0, 2.0, 4.0), values=(2.0, 1.0, 1.0)))
+    assert found.resonance == pytest.approx(whole * relaxed**0.5)
+    assert f"first shear resonance {found.resonance:.4g} Hz at the last change" in found.notes[1]
+    assert f"a rise that takes {3.5e3 / found.resonance:.2g} ms or more" in found.notes[2]
+    assert found.warnings == ("too deep",)
+    tap = History(control="load", times=(0.0, 1e-3, 4.0), values=(0.0, 1.0, 1.0))
+    assert "at up to 350 Hz" in make_press(tap).warnings[1]
+
+
+def test_a_history_of_many_instants_is_printed_at_about_ten_and_written_at_all(tmp_path):
+    """The given instants where they are few, and ten that are spread over the rows."""
+    found, k = make_press(replace(RAMP, times=(0.0, 1.0, 39.0))), np.arange(40.0)
+    long = replace(
+        found.followed, times=k, forces=k + 1, depths=k, contact_depths=k, outside=k, texel_forces=np.ones((40, 2)),
+        fast=np.ones((40, 3)),
+    )  # fmt: skip
+    found = replace(found, followed=long)
+    assert [row["time_s"] for row in found.pick_rows()] == [0, 1, 4, 8, 13, 17, 21, 26, 30, 34, 39]
+    files = found.write(tmp_path)
+    lines = (tmp_path / "texels.csv").read_text().splitlines()
+    assert files[:3] == ("history.json", "history.csv", "texels.csv")
+    assert (lines[0], lines[-1]) == ("time_s,texel_0_N,texel_1_N", "39.0,1.0,1.0")
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == 41
+    written = json.loads((tmp_path / "history.json").read_text())
+    assert written["relaxation"] == {"tau": [2.0], "g": [0.36], "exponent": None, "bulk": "relaxing"}
+    assert (written["control"], written["indenter"], len(written["history"])) == ("depth", "sphere:radius=5mm", 40)
+
+
+@pytest.mark.parametrize(
+    ("history", "fault"),
+    [
+        (History(times=(0.0, 1.0, 2.0), values=(1.0, 0.0, 1.0)), "--history: lifts off at 1 s; end it there"),
+        (History(times=(0.0, 1.0, 2.0), values=(0.0, 1.0, 0.0), repeat=2), "--history: slides and repetitions are not"),
+        (History(times=(0.0, 1.0), values=(1.0, 1.0), poses=(Pose(), Pose(point=(1e-3, 0, 0)))), "slides and repet"),
+    ],
+)
+def test_histories_of_more_than_one_touch_are_refused(history, fault):
+    with pytest.raises(InputError, match=fault):
+        read_history(history)
+    assert read_history(RAMP) is RAMP
+
+
+def test_a_press_in_time_takes_either_a_history_or_a_hold(tmp_path):
+    (tmp_path / "rubber.toml").write_text(RUBBER.format(more=RELAXES))
+    with pytest.raises(InputError, match="--history, --hold: give one of them"):
+        press_in_time(tmp_path / "rubber.toml", "sphere:radius=5mm", load="1 N")
+    with pytest.raises(InputError, match="leave out --load, --depth and --hold, which it replaces"):
+        press_in_time(tmp_path / "rubber.toml", "sphere:radius=5mm", load="1 N", history=RAMP)

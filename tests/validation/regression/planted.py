@@ -376,7 +376,7 @@ RELAXING = {
         {"force of a growing contact"},
     ),
     "depths for 0.2 % more force": (
-        edit(ElasticCurve, "depth", "self.force(np.array(d)) - f", "self.force(np.array(d)) - 1.002 * f"),
+        edit(ElasticCurve, "depth", "self._log_force(x) - wanted", "self._log_force(x) - wanted - 0.002"),
         {"depth under a held load"},
     ),
 }
