@@ -115,7 +115,7 @@ class LoadCurve:
         indentations: Results of the presses, one for each point of the curve, in ascending order of load.
         wanted: Requested number of points [-].
         stopped: Reason why the path ended before the last target; empty if it reached the target.
-        note: Sentence on a model that is not computed; empty if there is none.
+        note: Number of reached points if the path ended early, and a model that is not computed; else empty.
     """
 
     indentations: Sequence[Indentation]

@@ -174,9 +174,10 @@ class PressRequest:
         from validation.press_files import LoadCurve
 
         found, stopped = self._press_path(self.find_case(progress), points, as_far=True, progress=progress)
-        note = "the curve is that of the finite elements alone; the fast model was not computed"
-        note = note if "fast" in self.models else ""
-        return LoadCurve(indentations=found, wanted=points, stopped=stopped, note=note)
+        notes = [f"{len(found)} of {points} points are reached"] if stopped else []
+        if "fast" in self.models:
+            notes.append("the curve is that of the finite elements alone; the fast model was not computed")
+        return LoadCurve(indentations=found, wanted=points, stopped=stopped, note="; ".join(notes))
 
     def follow(self, progress: Progress | None = None) -> HistoryPress:
         """Follow the press on a relaxing cover in time, by finite elements.

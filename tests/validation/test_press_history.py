@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+import validation.press_history
 from fem_reference.indentation.relaxing import Followed
 from meshes import Cover, Pose, TexelArray
 from meshes.relaxation import Relaxation
@@ -253,6 +256,31 @@ def test_a_history_of_many_instants_is_printed_at_about_ten_and_written_at_all(t
     written = json.loads((tmp_path / "history.json").read_text())
     assert written["relaxation"] == {"tau": [2.0], "g": [0.36], "exponent": None, "bulk": "relaxing"}
     assert (written["control"], written["indenter"], len(written["history"])) == ("depth", "sphere:radius=5mm", 40)
+
+
+def test_the_picture_shows_loads_and_depths_and_texels_at_half_and_at_full_load_and_at_the_end(tmp_path, monkeypatch):
+    """Load of the cover and of an elastic one, depth in mm; images below them at 1, 2 and 4 s."""
+    figure = Figure(layout="constrained")
+    monkeypatch.setattr(validation.press_history, "open_figure", lambda *_, **__: contextlib.nullcontext(figure))
+    found = make_press(RAMP)
+    followed = {
+        name: np.insert(getattr(found.followed, name), 1, 0.6 * getattr(found.followed, name)[1], axis=0)
+        for name in ("times", "forces", "depths", "contact_depths", "texel_forces", "outside", "fast")
+    }
+    followed["times"] = np.array([0.0, 1.0, 2.0, 4.0])
+    replace(found, followed=replace(found.followed, **followed)).write(tmp_path)
+    above, *texels, other = figure.axes[0], *figure.axes[2:], figure.axes[1]
+    lines = {line.get_label(): line.get_ydata().tolist() for line in (*above.lines, *other.lines)}
+    assert lines["load"] == pytest.approx([0.0, 1.2, 2.0, 1.0])
+    assert lines["load, elastic cover"] == pytest.approx([0.0, 1.5, 2.5, 4.0])
+    assert lines["depth"] == pytest.approx([0.0, 0.06, 0.1, 0.2])
+    assert (above.get_ylim(), other.get_ylim()) == ((0, pytest.approx(4.4)), (0, pytest.approx(0.24)))
+    assert [text.get_text() for text in above.get_legend().get_texts()] == list(lines)
+    assert [each.get_title() for each in texels] == [f"texels at {t} s" for t in (1, 2, 4)]
+    assert [each.images[0].get_array().ravel().tolist() for each in texels[1:]] == [[1200, 600], [300, 200]]
+    grids = [each.get_subplotspec().get_gridspec().get_geometry() for each in texels]
+    assert grids == [(2, 3)] * 3
+    assert [each.get_subplotspec().rowspan.start for each in texels] == [1, 1, 1]
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,25 @@ def test_forces_between_the_states_and_scores_are_those_of_every_instant(case):
     assert found.interpolation_error < 0.01
 
 
+@pytest.mark.parametrize("texel", [0, 40, -1])
+def test_overshoot_counts_every_texel(texel):
+    """All force on one texel, of which the model has 1.3 times as much, and the true sum falls after 0.2 s."""
+    bench = dataclasses.replace(BENCH, parameters=dataclasses.replace(PARAMETERS, filter=None))
+    case = make_case((0.0, 0.2, 0.4), (3.0, 3.0, 1.0), [(0.0, 0.0)] * 3)
+    one = np.eye(len(CENTRES))[texel]
+    curves = case.divide(PARAMETERS.array.pitch[0])
+    solved = {
+        state: make_case_result(state, 0.5 * state.load * one, 0.65 * state.load * one, PARAMETERS)
+        for curve in curves
+        for state in curve.cases
+    }
+    found = score_moving(bench, case, curves, solved)
+    fast = next(each for each in found.scores if each.model == "fast")
+    assert fast.overshoot == pytest.approx(0.3, abs=1e-6)
+    assert found.totals["truth"][[0, -1]] == pytest.approx([1.5, 0.5])
+    assert fast.misplaced == pytest.approx(0.15, abs=1e-6)  # half of the load lies outside, and 0.35 of the model's
+
+
 def test_a_slow_ramp_comes_late_by_the_group_delay_of_filter_samples_and_frames():
     """sqrt(2) / (2 pi fc) of a second-order filter, half a frame, and half a sample of a frame's age."""
     found = score(make_case((0.0, 3.0), (0.5, 3.0), [(0.0, 0.0)] * 2))

@@ -30,6 +30,19 @@ def test_a_recursion_with_steps_longer_than_its_interval_keeps_its_time_constant
     assert found[50] == pytest.approx(1 - 0.98 ** (4 * 50 - 3), abs=2e-3)
 
 
+@pytest.mark.parametrize(("share", "interval"), [(0.1, 2.5e-3), (0.3, 1e-3), (0.04, 0.4e-3), (0.5, 7e-3)])
+def test_a_recursion_takes_the_sample_at_each_computation(share, interval):
+    """Computed one by one at multiples of the interval, with the sample then or the next one, and held between."""
+    forces = np.random.default_rng(4).normal(size=60)
+    value, count, wanted = forces[0], 0, []
+    for k in range(len(forces)):
+        while (count + 1) * interval <= k * STEP + 1e-12:
+            count += 1
+            value = share * forces[int(np.ceil(count * interval / STEP - 1e-9))] + (1 - share) * value
+        wanted.append(value)
+    assert recursion(share, interval)(forces, STEP) == pytest.approx(wanted, abs=1e-12)
+
+
 def test_robworksim_has_the_time_constant_that_it_states():
     """alpha = dt / (tau + dt) with tau = 0.1 s and dt = 1 ms: (1 - alpha)^n of a step is left."""
     (term,) = PUBLISHED["robworksim-later"].terms.values()

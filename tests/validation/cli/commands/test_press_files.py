@@ -94,6 +94,7 @@ def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
     monkeypatch.setattr("fem_reference.press_path", stop)
     curve = trace(5, depth="0.4mm")
     assert curve.stopped == "no convergence beyond 0.25 mm"
+    assert curve.note.startswith("2 of 5 points are reached")
     assert targets == pytest.approx(np.arange(1, 6) * 0.08e-3)
     assert [each.depth for each in curve.indentations] == pytest.approx([0.08e-3, 0.16e-3])
     assert curve.write(tmp_path)[0] == "curve.csv"
