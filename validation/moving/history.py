@@ -243,23 +243,20 @@ class MovingCase(History):
 
     def _place_states(self, run: _Run, pitch: float) -> Curve:
         """Place the states of one curve."""
-        most, least, here = max(self.values), max(self.values) / _LOADS**3, run.poses[0]
-        if len(run.poses) == 1:
-            high = run.loads[-1]
-            ends = [(high / most) ** (1 / 3)] if len(run.loads) == 1 else [k / _LOADS for k in range(1, _LOADS + 1)]
-            states = [(position, here, max(least, most * position**3)) for position in ends]
+        most, points = max(self.values), np.array([pose.point for pose in run.poses])
+        if len(points) > 1:
+            way = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+            positions = np.linspace(0, 1, max(_FEWEST, math.ceil(way / (_STEP * pitch))) + 1)
+            loads = np.interp(positions, run.ways, run.loads)
         else:
-            points = np.array([pose.point for pose in run.poses])
-            way = sum(math.dist(one, other) for one, other in itertools.pairwise(points.tolist()))
-            places = np.linspace(0, 1, max(_FEWEST, math.ceil(way / (_STEP * pitch))) + 1)
-            along = np.stack([np.interp(places, run.ways, values) for values in points.T], axis=1)
-            loads = np.maximum(least, np.interp(places, run.ways, run.loads))
-            states = [
-                (position, replace(here, point=tuple(point)), load)
-                for position, point, load in zip(places.tolist(), along.tolist(), loads.tolist(), strict=True)
-            ]
-        cases = tuple(self.make_state(pose, float(f"{load:.6g}")) for _, pose, load in states)
-        return Curve(np.array([position for position, *_ in states]), cases)
+            positions = np.arange(1, _LOADS + 1) / _LOADS if len(run.loads) > 1 else np.cbrt([run.loads[0] / most])
+            loads = most * positions**3
+        along = np.stack([np.interp(positions, run.ways, each) for each in points.T], axis=1).tolist()
+        cases = [
+            self.make_state(replace(run.poses[0], point=tuple(point)), float(f"{load:.6g}"))
+            for point, load in zip(along, np.maximum(loads, most / _LOADS**3).tolist(), strict=True)
+        ]
+        return Curve(positions, tuple(cases))
 
     def make_state(self, pose: Pose, load: float) -> Case:
         """Return the static press under a load [N]."""

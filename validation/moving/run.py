@@ -256,7 +256,7 @@ def find_touches(loads: FloatArray) -> BoolArray:
     """
     from scipy.ndimage import maximum_filter1d
 
-    return np.asarray(maximum_filter1d(_list_changes(loads), 2 * round(_NEAR * RATE) + 1, mode="constant"))
+    return np.asarray(maximum_filter1d(_list_changes(loads), 2 * round(_NEAR * RATE) + 1))
 
 
 def hold(forces: FloatArray, frames_per_second: float) -> FloatArray:

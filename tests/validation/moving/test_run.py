@@ -77,7 +77,7 @@ def test_forces_between_the_states_and_scores_are_those_of_every_instant(case):
 
 
 @pytest.mark.parametrize("texel", [0, 40, -1])
-def test_overshoot_counts_every_texel(texel):
+def test_overshoot_and_delay_count_every_texel(texel):
     """All force on one texel, of which the model has 1.3 times as much, and the true sum falls after 0.2 s."""
     bench = dataclasses.replace(BENCH, parameters=dataclasses.replace(PARAMETERS, filter=None))
     case = make_case((0.0, 0.2, 0.4), (3.0, 3.0, 1.0), [(0.0, 0.0)] * 3)
@@ -91,6 +91,7 @@ def test_overshoot_counts_every_texel(texel):
     found = score_moving(bench, case, curves, solved)
     fast = next(each for each in found.scores if each.model == "fast")
     assert fast.overshoot == pytest.approx(0.3, abs=1e-6)
+    assert fast.delay == pytest.approx(0.5 / 271 + 0.5 / RATE, abs=0.5e-3)
     assert found.totals["truth"][[0, -1]] == pytest.approx([1.5, 0.5])
     assert fast.misplaced == pytest.approx(0.15, abs=1e-6)  # half of the load lies outside, and 0.35 of the model's
 
@@ -143,6 +144,18 @@ def test_the_delay_of_a_periodic_signal_is_less_than_a_period():
     times = np.arange(500) / RATE
     given = np.abs(np.sin(np.pi * 50 * times))[:, None]
     assert measure_delay(given, hold(given, 271.0), 1 / RATE) == pytest.approx(0.5 / 271 + 0.5 / RATE, abs=0.3e-3)
+
+
+@pytest.mark.parametrize(("slow", "late"), [(0.2, 10e-3), (0.452, 30e-3), (2.0, 30e-3)])
+def test_of_the_shifts_that_are_nearly_as_close_the_smallest_is_the_delay(slow, late):
+    """A wave of 20 ms, 30 ms late: a period less is 1.2, 2.0 and 20 times as far, by a second wave of 400 ms."""
+    k = np.arange(2000)
+
+    def signal(at):
+        return np.sin(2 * np.pi * at / 20) + slow * np.sin(2 * np.pi * at / 400)
+
+    found = signal(k - 30) + 0.1 * (-1.0) ** k
+    assert measure_delay(signal(k)[:, None], found[:, None], 1e-3) == pytest.approx(late, abs=1e-3)
 
 
 def test_misplaced_force_compares_shapes_where_there_is_force():
