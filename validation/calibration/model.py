@@ -466,5 +466,5 @@ def seat_unevenly(forces: FloatArray, heights: FloatArray) -> FloatArray:
     # With the first k texels in contact, sum share (p - e) = total gives p.  The contact is correct if p lies between
     # the heights of texel k and k + 1.
     approach = np.divide(total + moment, stiffness, out=np.full_like(forces, np.inf), where=stiffness > 0)
-    reached = np.minimum.accumulate(approach, axis=1)[:, -1:]
+    reached = np.where(total > 0, np.minimum.accumulate(approach, axis=1)[:, -1:], 0.0)  # nothing touches without load
     return np.asarray(share * np.maximum(reached - heights, 0.0))

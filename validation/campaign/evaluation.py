@@ -250,7 +250,8 @@ def _judge(
 ) -> Verdict:
     if data_set is None:
         return judge(plan, result)
-    return judge(plan, result, scores, required=data_set.required, splits=[each.name for each in data_set.splits])
+    splits = [each.name for each in data_set.splits or ()]
+    return judge(plan, result, scores, required=data_set.required, splits=splits)
 
 
 def _score_recordings(

@@ -30,7 +30,6 @@ from validation.schema.data_set import (
     CommonKeys,
     DataSetTables,
     FileTable,
-    SelectionTable,
     SeriesTable,
     SplitTable,
 )
@@ -93,7 +92,7 @@ class DataSet:
     sensor: str = ""
     folder: Path
     files: tuple[DataFile, ...]
-    splits: tuple[SplitTable, ...] = ()
+    splits: tuple[SplitTable, ...] | None = None
     required: Mapping[str, float] = field(default_factory=dict)
     problems: tuple[str, ...]
 
@@ -126,36 +125,10 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
         sensor=tables.sensor or "",
         folder=folder,
         files=files,
-        splits=tuple(each for each in tables.split if not faults[each.name]) if faults else propose_splits(files),
+        splits=tuple(each for each in tables.split if not faults[each.name]) if faults else None,
         required=tables.required.list_limits(),
         problems=tuple(problems),
     )
-
-
-def propose_splits(files: Sequence[DataFile]) -> tuple[SplitTable, ...]:
-    """Return the splits for a data set that names none.
-
-    Series that may only be scored are predicted from series that may be fitted.  Without such series, the heavier half
-    of the known loads of each series is predicted from the lighter half.
-    """
-    fitted = list(dict.fromkeys(file.series for file in files if "fit" in file.uses))
-    scored = list(dict.fromkeys(file.series for file in files if file.uses == ("score",)))
-    if scored:
-        about = f"{', '.join(fitted)} to {', '.join(scored)}"
-        fit, score = (tuple(SelectionTable(series=name) for name in side) for side in (fitted, scored))
-        return (SplitTable.model_construct(name="other series", about=about, fit=fit, score=score),) if fitted else ()
-    splits = []
-    for series in fitted:
-        loads = sorted({file.load for file in files if file.series == series and not isinstance(file.load, str)})
-        if len(loads) > 1:
-            half = len(loads) // 2
-            # Quantities are read from text with a unit; these loads are numbers already.
-            light = SelectionTable.model_construct(series=series, most=loads[half - 1])
-            heavy = SelectionTable.model_construct(series=series, least=loads[half])
-            about = f"{series}: light loads to heavy ones"
-            split = SplitTable.model_construct(name=f"{series} heavier", about=about, fit=(light,), score=(heavy,))
-            splits.append(split)
-    return tuple(splits)
 
 
 def _find_fault_of_split(table: SplitTable, series: Sequence[SeriesTable]) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from glob import escape
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -24,7 +26,7 @@ from validation.campaign.campaign_file import Inputs
 from validation.credibility.recorded import compare_loads
 from validation.credibility.uncertainty import ComparisonError
 from validation.data_sets.data_set import DataSet
-from validation.data_sets.images import Image, observe, read_images
+from validation.data_sets.images import NUMBERS, Image, observe, read_images
 from validation.data_sets.nulls import NULLS
 from validation.data_sets.results import (
     CountScore,
@@ -37,7 +39,7 @@ from validation.data_sets.results import (
 )
 from validation.errors import InputError
 from validation.pooling import pool, skill
-from validation.schema.data_set import SplitTable
+from validation.schema.data_set import SelectionTable, SplitTable
 from validation.sensor_file import SensorDescription
 
 #: Name of the fast model by its default contact method in tables.
@@ -76,7 +78,7 @@ def score_recordings(
         raise InputError(*problems[:_MOST_LINES], *more, f"{data_set.name}: no recording can be used{origin}")
     methods = list_methods(sensor, parameters)
     tables: list[_SplitTable] = []
-    for split in data_set.splits:
+    for split in propose_splits(images) if data_set.splits is None else data_set.splits:
         try:
             table = _SplitTable(split, images, sensor)
             table.add_nulls()
@@ -91,7 +93,8 @@ def score_recordings(
         else:
             tables.append(table)
     if not tables:
-        raise InputError(*problems, f"{data_set.name}: no split can be scored")
+        remedy = "write a [[split]] with fit and score, or record loads that differ by more than 5 % in a series"
+        raise InputError(*problems, f"{data_set.name}: no split can be scored; {remedy}")
     return RecordingScores(
         name=data_set.name,
         rows=tuple(row for table in tables for row in table.rows),
@@ -106,6 +109,41 @@ def score_recordings(
         errors={table.split.name: table.compare(inputs or Inputs()) for table in tables},
         left_out={table.split.name: table.left_out for table in tables},
     )
+
+
+def propose_splits(images: Sequence[Image]) -> tuple[SplitTable, ...]:
+    """Return the splits for a data set that names none.
+
+    Series that may only be scored are predicted from series that may be fitted.  Without such series, the heavier half
+    of the loads of each series is predicted from the lighter half; the load of a recording whose load varies is its
+    largest one.
+
+    Args:
+        images: Images of all recordings.
+    """
+    fitted = list(dict.fromkeys(image.file.series for image in images if "fit" in image.file.uses))
+    scored = list(dict.fromkeys(image.file.series for image in images if image.file.uses == ("score",)))
+    if scored:
+        about = f"{', '.join(fitted)} to {', '.join(scored)}"
+        fit, score = (tuple(SelectionTable(series=name) for name in side) for side in (fitted, scored))
+        return (SplitTable.model_construct(name="other series", about=about, fit=fit, score=score),) if fitted else ()
+    splits = []
+    for series in fitted:
+        loads: dict[str, float] = {}
+        for image in images:
+            if image.file.series == series:
+                loads[image.file.path.name] = max(image.load, loads.get(image.file.path.name, 0.0))
+        different = [b for a, b in pairwise([0.0, *sorted(loads.values())]) if b > NUMBERS.same_load * a]
+        if len(different) > 1:
+            least = different[len(different) // 2]
+            light, heavy = (
+                SelectionTable(series=series, files=[escape(name) for name in loads if (loads[name] >= least) == heavy])
+                for heavy in (False, True)
+            )
+            about = f"{series}: light loads to heavy ones"
+            split = SplitTable.model_construct(name=f"{series} heavier", about=about, fit=(light,), score=(heavy,))
+            splits.append(split)
+    return tuple(splits)
 
 
 def list_methods(sensor: SensorDescription, parameters: Parameters) -> dict[str, ContactMethod]:

@@ -7,8 +7,10 @@ letters, digits, spaces and `_ - . [ ] /`, and starts with a letter.  Every othe
 comment.
 
 A file whose header line holds semicolons has semicolons between columns and decimal commas; one with tabs has tabs and
-decimal points.  The name of the first column may state another unit of time: `time_ms`, `time [us]`.  Times since 1970
-may be in seconds, milliseconds, microseconds or nanoseconds, which their size tells; the label `time unit` states it.
+decimal points.  The name of the first column may state another unit of time: `time_ms`, `time [us]`.  `force [N]` and
+`temperature [degC]` are read too; a column of another unit than those beside it is no texel and refused.  Times since
+1970 may be in seconds, milliseconds, microseconds or nanoseconds, which their size tells; the label `time unit` states
+it.
 A file with three columns per texel, such as `x0, y0, z0` or `texel_0_x`, needs the name of the axis that is read: key
 `axis`, or the option.
 
@@ -76,6 +78,10 @@ _UNITS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}
 _SINCE_1970 = 1e8
 #: Pattern of the name of the column of times, with its unit.
 _TIME = re.compile(r"time(?:[ _]*[(\[]?(s|ms|us|ns)[)\]]?)?")
+#: Pattern of the names of the optional columns with their unit.
+_SENSOR_UNIT = re.compile(r"(force)[ _]*[(\[]?n[)\]]?|(temperature)[ _]*[(\[]?(?:deg|°) ?c[)\]]?")
+#: Pattern of the end of a name that states a unit.
+_UNIT = re.compile(r"[(\[]([^\W\d]+)[)\]]$")
 #: Other names of the columns of a history.
 _HISTORY = {"force": "load", "load_n": "load", "depth_m": "depth", "x_m": "x", "y_m": "y"}
 #: Separators between columns, by name; the first one that the header line holds counts.
@@ -348,7 +354,7 @@ def _read_lines(path: Path, kind: str) -> Iterator[tuple[str, str]]:
                 if line.strip():
                     yield place, line.rstrip("\n")
         except UnicodeDecodeError as error:
-            raise RecordingError(f"{path}: not text; expected a CSV file") from error
+            raise RecordingError(f"{path}: not text in UTF-8; expected a CSV file, saved as UTF-8") from error
 
 
 def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
@@ -365,7 +371,9 @@ def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
 
 def _read_header(place: str, cells: list[str], separator: str, columns: str) -> tuple[list[str], str]:
     """Return the names of the columns in lower case: time, optional ones, and texels; and the stated unit of time."""
-    header = [cell.lower() for cell in cells]
+    header = [
+        _SENSOR_UNIT.sub(r"\1\2", name) if _SENSOR_UNIT.fullmatch(name) else name for name in map(str.lower, cells)
+    ]
     time = _TIME.fullmatch(header[0])
     header[0] = "time" if time else header[0]
     between = header[1 : _find_first_texel(header)]
@@ -386,9 +394,17 @@ def _choose_columns(table: _Table, axis: str | None) -> list[int]:
     """Return the indices of the columns with counts: all texels, or one axis of each.
 
     Raises:
-        RecordingError: If the file holds three axes per texel and none is named, or one is named and there are none.
+        RecordingError: If the file holds three axes per texel and none is named, or one is named and there are none, or
+            if a column has another unit than the others.
     """
     first = _find_first_texel(table.header)
+    units = [unit[1] if (unit := _UNIT.search(name)) else "" for name in table.header[first:]]
+    if 1 < len(set(units)) < len(units):
+        odd = table.header[first + units.index(min(units, key=units.count))]
+        raise RecordingError(
+            f"{table.path}: the column {odd!r} has another unit than those beside it and is no texel; name a force "
+            "`force [N]`, a temperature `temperature [degC]`, put them after the time, and leave other columns out"
+        )
     found = [_AXIS.fullmatch(name) for name in table.header[first:]]
     axes = [match["axis"] if match else "" for match in found]
     texels: dict[tuple[str, str], set[str]] = {}

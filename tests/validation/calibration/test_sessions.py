@@ -120,3 +120,12 @@ def test_left_out_images_are_to_the_others_as_the_scored_ones_to_the_fitted():
     assert [out.tolist() for out in folds] == [
         [True, True, False, True, True] + [False] * 3, [False] * 5 + [True, False, True]
     ]  # fmt: skip
+
+
+def test_an_uneven_seat_shares_the_load_and_carries_nothing_without_one():
+    heights = np.array([0.0, 0.5, 5.0])
+    even = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 2.0]])
+    with np.errstate(all="raise"):
+        found = seat_unevenly(even, heights)
+    assert found[0].tolist() == [0.0, 0.0, 0.0]
+    assert found[1] == pytest.approx([0.25 * 6.625, 0.25 * 6.125, 0.5 * 1.625])  # springs under one approach of 6.625

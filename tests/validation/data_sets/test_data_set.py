@@ -1,5 +1,6 @@
 """Data-set files: what is read, which faults stop, and which cost a series, a file or a split only."""
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from tests.support.laboratory import ARRAY, make_curve, press, uniform_method, w
 from validation.calibration.model import Pose
 from validation.data_sets.data_set import find_data_set
 from validation.data_sets.images import read_images
+from validation.data_sets.score import propose_splits
 from validation.errors import InputError
 from validation.recordings import RecordingError
 from validation.schema import read as read_file
@@ -237,20 +239,44 @@ def test_the_built_in_file_reads_the_published_tree(tmp_path):
     assert len(found.splits) == 15
 
 
-def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path):
-    for name in ("a1", "a2", "a3", "b1"):
-        record(tmp_path / f"{name}.csv")
-    series = '[[series]]\nname = "%s"\nfiles = ["%s*.csv"]\nloads = {%s}\nuse = "%s"\n'
-    loads = ", ".join(f'"a{k}*" = "{k} N"' for k in (1, 2, 3))
-    one = HEAD + series % ("A", "a", loads, "fit")
-    (split,) = write_data_set(tmp_path, one).splits
-    assert (split.name, split.about) == ("A heavier", "A: light loads to heavy ones")
-    (light,), (heavy,) = split.fit, split.score
-    assert (light.series, light.most, heavy.series, heavy.least, split.place) == ("A", 1.0, "A", 2.0, ())
-    (split,) = write_data_set(tmp_path, one + series % ("B", "b", '"b*" = "2 N"', "score")).splits
-    assert (split.name, split.about) == ("other series", "A to B")
-    assert [[each.series for each in side] for side in (split.fit, split.place, split.score)] == [["A"], [], ["B"]]
-    assert write_data_set(tmp_path, HEAD + series % ("B", "b", '"b*" = "2 N"', "score")).splits == ()
+@pytest.mark.parametrize("known", ["labels", "force", "table"])
+def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path, known):
+    """Loads come from labels, from force channels (which read nearly nothing for a while) or from the file itself."""
+    for name, load in (("a1", 2.0), ("a2", 4.0), ("a[3]", 6.0), ("b1", 5.0)):
+        made = press(uniform_method(), make_curve(np.ones(ARRAY.count)), load, Pose(0.0, 0.0))
+        if known == "force":
+            forces = np.where(made.times > 1.0, load, 0.0) + 0.01 * np.sin(9 * made.times)
+            setup = dataclasses.replace(made.setup, load=None)
+            made = dataclasses.replace(made, forces=forces, force_times=made.times, setup=setup)
+        write(made, tmp_path / f"{name}.mcap")
+
+    def propose(text):
+        data_set = write_data_set(tmp_path, HEAD + text)
+        images, faults = read_images(data_set, ARRAY)
+        assert (data_set.splits, data_set.problems, faults) == (None, (), [])
+        splits = propose_splits(images)
+        return splits, [
+            [sorted({i.file.path.name[:2] for i in images if any(_takes(each, i) for each in side)}) for side in sides]
+            for sides in ((split.fit, split.place, split.score) for split in splits)
+        ]
+
+    series = '[[series]]\nname = "%s"\nfiles = ["%s*.mcap"]\nuse = "%s"\n'
+    loads = '"?1*" = "2 N", "a2*" = "4 N", "a?3*" = "6 N", "b*" = "5 N"'
+    series += "loads = {" + loads + "}\n" if known == "table" else f"load = '{known}'\n"
+    ((split,), sides) = propose(series % ("A", "a", "fit"))
+    assert (split.name, split.about, sides) == (
+        "A heavier",
+        "A: light loads to heavy ones",
+        [[["a1"], [], ["a2", "a["]]],
+    )
+    ((split,), sides) = propose(series % ("A", "a", "fit") + series % ("B", "b", "score"))
+    assert (split.name, split.about, sides) == ("other series", "A to B", [[["a1", "a2", "a["], [], ["b1"]]])
+    assert propose(series % ("B", "b", "score")) == ((), [])
+    assert propose(series % ("B", "b", "fit")) == ((), [])  # of one load there is no heavier half
+
+
+def _takes(selection, image):
+    return selection.takes(image.file.series, image.file.path.name, image.load)
 
 
 @pytest.mark.parametrize("place", ["/etc", "../out", "in/../../out", "C:/out", "..\\\\out"])

@@ -144,6 +144,8 @@ def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path
         (CSV, "9,10,4095", "9,10", "line 7: 8 columns; expected 9"),
         (CSV, "9,10,4095", "9,10,nan", "line 7: all numbers must be finite"),
         (CSV, "time,force", "force,time", "line 5: 9 columns between commas, 'force, time"),
+        (CSV, "time,force,temperature", "time,Kraft [N],temperature", "line 5: 9 columns between commas"),
+        (CSV, "time,force,temperature", "time,force,Druck [kPa]", "the column 'druck [kpa]' has another unit"),
         (CSV, "# rows = 2\n", "# rows = 4\n", "6 texels are not 4 rows x 3 columns"),
         (CSV, "# rows = 2\n# columns = 3\n", "", "6 texels in an unknown number of rows and columns"),
         (CSV, "# load = 1.5", "# load = heavy", "not a number"),
@@ -210,6 +212,23 @@ def test_a_missing_layout_comes_with_one_that_fits(tmp_path, rows, columns, texe
     path.write_text(f"time,{','.join(f't{n}' for n in range(texels))}\n" + ",".join(["0"] * (texels + 1)))
     with pytest.raises(RecordingError, match=f"`# rows = {rows}` and `# columns = {columns}`"):
         open_recording(path)
+
+
+@pytest.mark.parametrize(
+    "names", ["force [N],temperature [°C]", "Force_N,Temperature (degC)", "force(N),temperature [deg C]"]
+)
+def test_stated_units_of_force_and_temperature_make_no_texels(tmp_path, names):
+    (tmp_path / "a.csv").write_text(CSV.replace("force,temperature", names))
+    (tmp_path / "b.csv").write_text(CSV)
+    found, plain = tables.read(tmp_path / "a.csv"), tables.read(tmp_path / "b.csv")
+    assert found.forces.tolist() == plain.forces.tolist()
+    assert found.temperatures.tolist() == plain.temperatures.tolist()
+    assert found.arrays[0].counts.tolist() == plain.arrays[0].counts.tolist()
+
+
+def test_indices_of_texels_in_brackets_are_no_units(tmp_path):
+    (tmp_path / "a.csv").write_text("# rows = 1\ntime,t[a],t[b],t(1)\n0,1,2,3\n1,3,4,5\n")
+    assert tables.read(tmp_path / "a.csv").arrays[0].counts.tolist() == [[1, 2, 3], [3, 4, 5]]
 
 
 def test_semicolons_come_with_decimal_commas(tmp_path):
