@@ -53,6 +53,8 @@ _FLUSH = 5e-6
 _FAR = 0.02
 #: Length by which an array may stick out beyond the geoms of its body without a warning, over the pitch [-].
 _OVERHANG = 0.5
+#: Advice if a quaternion with w taken last would mend the pose.
+_W_LAST = "its quaternion looks like x, y, z, w, attach takes w first"
 #: Share of points on an array with its own body ahead, and nothing of it behind, above which the array faces it [-].
 _MOST_AHEAD = 0.5
 #: Kinds of geoms that are no part of a finger: a ground, or a shape of which MuJoCo knows no hull.
@@ -311,46 +313,59 @@ def _check_placement(
     exchanged = np.zeros(9)
     mujoco.mju_quat2Mat(exchanged, np.roll(model.geom_quat[geoms[0]], 1))
     # the last line goes through the middle, along the normal that the array would have with w taken last
-    normals = np.vstack([normals, data.xmat[body].reshape(3, 3) @ exchanged[2::3]])
+    turned = data.xmat[body].reshape(3, 3) @ exchanged.reshape(3, 3)
+    normals = np.vstack([normals, turned[:, 2]])
     points = np.vstack([points, points.mean(axis=0)])
     low, high = np.array([find_span(model, data, geom, points, normals) for geom in own]).transpose(1, 0, 2)
     ahead = ((low <= high) & (high > -low)).any(axis=0)
     behind = ((low <= high) & (high < -low)).any(axis=0)
     mended = array.planar and bool(behind[-1] and not ahead[-1])
-    hint = "its quaternion looks like x, y, z, w, attach takes w first" if mended else ""
     if (ahead & ~behind)[:-1].mean() > _MOST_AHEAD or (mended and not behind[:-1].any()):
-        advice = hint or "turn its z axis outwards"
+        advice = _W_LAST if mended else "turn its z axis outwards"
         yield f"the front of array {name!r} does not point away from its {carrier}; {advice}"
     elif array.planar:
-        yield from _check_overhang(model, data, geoms, own, array=array, hint=hint)
+        yield from _check_overhang(model, data, geoms, own, array=array, turned=turned if mended else None)
 
 
 def _check_overhang(
-    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, own: list[int], *, array: TexelArray, hint: str
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    geoms: IntArray,
+    own: list[int],
+    *,
+    array: TexelArray,
+    turned: FloatArray | None,
 ) -> Iterator[str]:
-    """Find whether a planar array sticks out beyond geoms of its body; yield a sentence with a hint if so."""
+    """Find whether a planar array sticks out beyond geoms of its body; yield a sentence if so.
+
+    `turned` is the rotation that the array would have with w taken last, shape (3, 3); None if that explains nothing.
+    """
     axes = data.geom_xmat[geoms[0]].reshape(3, 3)[:, :2]
 
-    def find_box(chosen: list[int]) -> FloatArray:
-        """Find the lowest and highest x and y of geoms along the axes of the array, shape (2, 2) [m]."""
+    def find_box(chosen: list[int], axes: FloatArray) -> FloatArray:
+        """Find the lowest and highest coordinates of geoms along two axes, shape (2, 2) [m]."""
         turn = np.einsum("gij,ik->gjk", data.geom_xmat[chosen].reshape(-1, 3, 3), axes)
         centre = data.geom_xpos[chosen] @ axes + np.einsum("gj,gjk->gk", model.geom_aabb[chosen, :3], turn)
         reach = np.einsum("gj,gjk->gk", model.geom_aabb[chosen, 3:], np.abs(turn))
         return np.array([(centre - reach).min(axis=0), (centre + reach).max(axis=0)])
 
-    def find_excess(half: FloatArray) -> FloatArray:
-        """Find the length by which a rectangle of given half edges sticks out, along x and y, shape (2,) [m]."""
+    def find_excess(half: FloatArray, axes: FloatArray = axes) -> FloatArray:
+        """Find the length by which a rectangle of given half edges sticks out along two axes, shape (2,) [m]."""
+        body, middle = find_box(own, axes), find_box(geoms.tolist(), axes).mean(axis=0)
         return np.asarray(np.maximum(body[0] - middle + half, middle + half - body[1]))
 
-    body, (low, high), pitch = find_box(own), find_box(geoms.tolist()), np.array(array.pitch)
-    middle, plate = (low + high) / 2, (high - low) / 2
+    pitch = np.array(array.pitch)
+    plate = np.ptp(find_box(geoms.tolist(), axes), axis=0) / 2
     texels = np.minimum((np.ptp(array.centres[:, :2], axis=0) + pitch) / 2, plate)
     named = f"array {_find_sensor(model, int(geoms[0]))!r}"
     if (find_excess(texels) > _OVERHANG * pitch).any():
-        turned = (find_excess(texels[::-1]) <= _OVERHANG * pitch).all()
-        advice = "rows and columns look exchanged" if turned else "mend its position, or its rows and columns"
+        advice = "mend its position, or its rows and columns"
+        if turned is not None and (find_excess(texels, turned[:, :2]) <= _OVERHANG * pitch).all():
+            advice = _W_LAST
+        elif (find_excess(texels[::-1]) <= _OVERHANG * pitch).all():
+            advice = "rows and columns look exchanged"
         excess = f"{1e3 * find_excess(texels).max():.1f} mm beyond the geoms of its body"
-        yield f"texels of {named} stick out {excess}; {hint or advice}"
+        yield f"texels of {named} stick out {excess}; {advice}"
     elif (find_excess(plate) > _OVERHANG * pitch).any():
         x, y = np.maximum(plate - texels - np.maximum(find_excess(plate), 0.0), 0.0).tolist()
         excess = f"{1e3 * find_excess(plate).max():.1f} mm beyond the geoms of its body, and collides there"

@@ -88,6 +88,13 @@ def test_a_quaternion_with_w_last_is_told():
     assert "its quaternion looks like x, y, z, w, attach takes w first" in said[-1]
 
 
+def test_no_quaternion_is_blamed_for_an_array_that_is_too_large():
+    """A turn about y by 90 degrees points the same way with w taken last, and the array sticks out as far."""
+    turn = (np.sqrt(0.5), 0, np.sqrt(0.5), 0)
+    (said,) = [each for each in tell(margin=(0, 0), rows=20, quaternion=turn, position=(8e-3, 0, 0)) if "stick" in each]
+    assert said.endswith("mend its position, or its rows and columns")
+
+
 def test_the_identity_with_w_last_is_told_and_a_half_turn_can_be_meant():
     with pytest.warns(OptionWarning, match=r"no rotation is \(1, 0, 0, 0\)"):
         tell(quaternion=(0, 0, 0, 1))

@@ -10,6 +10,8 @@ from meshes import TexelArray
 from meshes.catalogue import MATERIALS
 from validation.calibration.calibrate import HoldOut, draw_hold_out
 from validation.material_curve import compute_stress, write_curve
+from validation.render.figure import draw_texels
+from validation.render.image import Scale
 
 
 @pytest.fixture
@@ -84,3 +86,17 @@ def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_pat
     draw_hold_out(held, TexelArray.grid(2, 3, 1e-3), tmp_path / "x.png")
     images = [axes.images[0] for axes in saved["png"].axes if axes.images]
     assert [image.get_clim() for image in images] == [(0, 1), (0, 1), (-1, 1)]
+
+
+@pytest.mark.parametrize(("rows", "labels"), [(1, ("texel", "")), (2, ("column", "row"))])
+def test_texels_in_one_row_are_high_enough_to_be_seen(rows, labels):
+    """A curved cover has 60 texels in one row: to scale the image would be a line."""
+    from matplotlib.figure import Figure
+
+    axes = Figure(figsize=(6, 4)).add_subplot()
+    draw_texels(axes, TexelArray.grid(rows, 60, 2e-3), np.arange(60.0 * rows), Scale(peak=60.0))
+    axes.apply_aspect()
+    box = axes.get_window_extent()
+    assert (box.height > 0.5 * box.width) == (rows == 1)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == labels
+    assert len(axes.get_yticks()) == (0 if rows == 1 else rows)

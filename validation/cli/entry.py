@@ -76,7 +76,7 @@ _NEXT = {
     "init": "softcover derive {0}",
     "derive": "softcover press {0} --indenter sphere:radius=5mm --load 5N; softcover validate {0} --quick",
     "mesh": "softcover derive {0} --out FOLDER",
-    "datasheet": "softcover datasheet {0} --out FILE.html writes the sheet",
+    "datasheet": "softcover export {0} --out FOLDER writes the model for your simulation",
     "press": "softcover validate SENSOR --quick scores many touches",
     "view": "softcover export {0} --out FOLDER writes the model for your simulation",
     "demo": "open the report; softcover init writes a file for a sensor of your own",
@@ -85,7 +85,7 @@ _NEXT = {
     "record": "softcover replay FILE shows the recording; softcover calibrate FILES --sensor SENSOR fits the sensor",
     "replay": "softcover calibrate {0} --sensor SENSOR fits the sensor, if the load is known",
     "import": "softcover calibrate FILES --sensor SENSOR fits the sensor",
-    "calibrate": "softcover datasheet FILE shows what the sensor file of --out states now",
+    "calibrate": "softcover datasheet FILE shows what the sensor file states now that --out FILE writes",
 }
 #: Module and function in the folder `commands`, as `module:function`, for each command whose module or function has
 #: another name than the command.
@@ -312,12 +312,22 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
         return InputError(
             f"unexpected {', '.join(map(repr, error.unused_tokens or ()))}; see: softcover {_command(words)}--help"
         )
-    if isinstance(error, MissingArgumentError) and error.argument is not None:
-        name = error.argument.name
-        if error.argument.index is not None:  # A positional argument is named as in the help: SENSOR.
-            name = name.lstrip("-").upper()
-        return InputError(f"{name} is missing; `softcover {_command(words)}--help` has examples")
-    return error
+    return _explain_missing(error, words) if isinstance(error, MissingArgumentError) and error.argument else error
+
+
+def _explain_missing(error: MissingArgumentError, words: Sequence[str]) -> InputError:
+    """Explain a missing argument: by an option that the command does not know, by a missing value, or by itself."""
+    name = error.argument.name  # type: ignore[union-attr]  # the caller has checked it
+    arguments = app[words[0]].assemble_argument_collection()
+    known = sorted({each for one in arguments for each in one.names if each.startswith("--") and each[:5] != "--no-"})
+    given = [word.partition("=")[0] for word in words[1:] if word.startswith("--")]
+    if unknown := [word for word in given if word not in known]:
+        return InputError(f"unknown option {unknown[0]}; {nearest(unknown[0], known)}")
+    if name in words:
+        return InputError(f"{name} has no value; one that begins with a hyphen stands behind `=`: {name}=...")
+    if error.argument.index is not None:  # type: ignore[union-attr]  # A positional one is named as in the help: SENSOR.
+        name = name.lstrip("-").upper()
+    return InputError(f"{name} is missing; `softcover {_command(words)}--help` has examples")
 
 
 def _command(words: Sequence[str]) -> str:

@@ -298,7 +298,8 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
     chosen = next((each for each in found if each.files), found[0])
     if not chosen.files:
         where = " nor ".join(str(each.folder) for each in found)
-        missing = f"{source.name}: no recordings of it in {where}; give their folder with --recordings"
+        missing = f"{source.name}: no recordings of it in {where}; give their folder with --recordings, or "
+        missing += "write a data-set file (.toml) beside recordings of yours: docs/recordings.md"
         raise InputError(*chosen.problems, missing)
     return chosen
 

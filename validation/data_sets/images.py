@@ -428,16 +428,19 @@ def _check_label(recording: Recording, image: Image, inside: BoolArray) -> None:
 
 
 def _divide_by_force(recording: Recording, file: DataFile) -> Iterator[tuple[BoolArray, float]]:
-    """Divide frames with a force channel into consecutive ones, each with its mean load [N].
+    """Divide frames with a force channel into consecutive ones under load, each with its mean load [N].
+
+    Frames at rest are the zero of the others, so that images of them alone would be zero whatever a model predicts.
 
     Raises:
         RecordingError: If there is no force channel.
     """
     if not len(recording.forces):
         raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
-    loads, _ = _read_forces(recording)
+    loads, unloaded = _read_forces(recording)
     numbers = np.arange(len(loads))
-    for piece in np.array_split(numbers, min(NUMBERS.most_images, len(loads))):
+    pieces = np.array_split(numbers, min(NUMBERS.most_images, len(loads)))
+    for piece in (each for each in pieces if not unloaded[each].all()):
         yield np.isin(numbers, piece), max(float(loads[piece].mean()), 0.0)
 
 

@@ -136,10 +136,8 @@ def propose_splits(images: Sequence[Image]) -> tuple[SplitTable, ...]:
         different = [b for a, b in pairwise([0.0, *sorted(loads.values())]) if b > NUMBERS.same_load * a]
         if len(different) > 1:
             least = different[len(different) // 2]
-            light, heavy = (
-                SelectionTable(series=series, files=[escape(name) for name in loads if (loads[name] >= least) == heavy])
-                for heavy in (False, True)
-            )
+            chosen = ([escape(name) for name in loads if (loads[name] >= least) == heavy] for heavy in (False, True))
+            light, heavy = (SelectionTable(series=series, files=tuple(names)) for names in chosen)
             about = f"{series}: light loads to heavy ones"
             split = SplitTable.model_construct(name=f"{series} heavier", about=about, fit=(light,), score=(heavy,))
             splits.append(split)

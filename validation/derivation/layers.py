@@ -314,7 +314,9 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
     if profile is not None and cells is not None:
         tell("range of the fast model, by a ball of one pitch radius")
         with _told(tell, "the range of the fast model is not stated"):
-            parameters = state_range(parameters, cells, cover, profile, press_ball_on_array(cover, array, tell))
+            presses = press_ball_on_array(cover, array, tell)
+            tell("fast model under the same ball")
+            parameters = state_range(parameters, cells, cover, profile, presses)
     return LayeredDerivation(
         sensor=sensor,
         influence=influence,

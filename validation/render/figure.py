@@ -103,6 +103,8 @@ def save_figure(path: Path, draw: Callable[[Path], None]) -> tuple[str, ...]:
 def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str = "") -> AxesImage:
     """Draw the values of an array as an image in the colours of a scale, row 0 at the bottom; texels are counted.
 
+    Texels in one row, such as those of a curved cover, are drawn as high as the axes, so that they can be seen.
+
     Args:
         axes: Axes to draw into.
         array: The n texels.
@@ -115,11 +117,12 @@ def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale,
     shown = np.where(array.active, scale.factor * np.asarray(values, dtype=np.float64), np.nan)
     colours = LinearSegmentedColormap.from_list("texels", scale.colours).with_extremes(bad=MASKED)
     peak = scale.factor * scale.peak or 1.0
+    row = array.rows == 1
     drawn = axes.imshow(
-        array.image(shown), origin="lower", aspect=array.pitch[1] / array.pitch[0], cmap=colours,
+        array.image(shown), origin="lower", aspect="auto" if row else array.pitch[1] / array.pitch[0], cmap=colours,
         vmin=-peak if scale.difference else 0.0, vmax=peak,
     )  # fmt: skip
     for axis, count in ((axes.xaxis, array.columns), (axes.yaxis, array.rows)):
-        axis.set_ticks(range(0, count, math.ceil(count / _MARKS)))
-    axes.set(title=title, xlabel="column", ylabel="row")
+        axis.set_ticks(range(0, count if count > 1 else 0, math.ceil(count / _MARKS)))
+    axes.set(title=title, xlabel="texel" if row else "column", ylabel="" if row else "row")
     return drawn

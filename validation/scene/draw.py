@@ -69,11 +69,11 @@ class _Style:
     #: Fraction of the height of a view within which the ruled box lies [-].  The rest is for title, labels and colours.
     tall: float = 0.7
     #: Share of the width of a view within which the ruled box lies [-].
-    wide: float = 0.8
+    wide: float = 0.75
     #: Shift of the middle of the ruled box upwards, over half of the height [-].
     raised: float = 0.1
     #: Distance of the title of a colour bar from its labels [pixels].
-    apart: int = 12
+    apart: int = 24
     #: Magnitude of a negative force, over the largest force, up to which the colour scale of forces begins at zero [-].
     hardly: float = 0.02
 

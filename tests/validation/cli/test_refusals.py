@@ -15,6 +15,8 @@ derive WTS --thickness=-2mm | --thickness: must be positive
 derive WTS --thickness=5km | --thickness: must be at most 1 m, not '5km'
 derive | SENSOR is missing
 derive WTS --thicknes 2mm | --thicknes
+press WTS --indneter sphere:radius=5mm --load 1N | unknown option --indneter; did you mean '--indenter'?
+press WTS --load 1N --indenter | --indenter has no value
 derive WTS --layer 2:thickness=1mm | --layer: the cover has no layer 2
 derive . | .: is a folder; name a file
 mesh . | .: is a folder; name a file

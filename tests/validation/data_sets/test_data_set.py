@@ -211,7 +211,7 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
         assert [file.path.name for file in find_data_set(*given).files] == ["a.csv"]
     (tmp_path / "empty").mkdir()
     for given in (alone, tmp_path / "empty"):
-        with pytest.raises(InputError, match=r"^\S+\.toml: no recordings of it in"):
+        with pytest.raises(InputError, match=r"^\S+\.toml: no recordings of it in .*; .* or write a data-set file"):
             find_data_set(given)
     monkeypatch.setenv("SOFTCOVER_RECORDINGS", str(tmp_path / "data"))
     assert len(find_data_set(alone).files) == 1

@@ -180,3 +180,16 @@ def list_barriers(driver):
         for each in Axe().run(driver)["violations"]
         if each["impact"] in {"serious", "critical"}
     ]
+
+
+def test_tables_on_a_desk_are_whole_and_break_no_word(page):
+    driver = page[0]
+    size = {"width": 1300, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        driver = fresh(page)
+        driver.find_element("id", "unfold").click()
+        cut = "return [...document.querySelectorAll('.card')].filter(c => c.scrollWidth > c.clientWidth).length"
+        assert driver.execute_script(cut) == 0
+    finally:
+        driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
