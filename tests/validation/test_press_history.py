@@ -85,6 +85,8 @@ def test_a_history_is_read_and_a_hold_is_a_step(tmp_path):
     assert read_hold("1 min", "load", 5.0) == History(control="load", times=(0.0, 60.0), values=(5.0, 5.0))
     with pytest.raises(InputError, match=r"--hold: time\[1\]: -3 s must come"):
         read_hold("-3s", "load", 5.0)
+    with pytest.raises(InputError, match=r"^--hold: '60' has no unit; write for example '60s'$"):
+        read_hold("60", "load", 5.0)
 
 
 @pytest.mark.parametrize(

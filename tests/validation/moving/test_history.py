@@ -198,3 +198,30 @@ def test_the_built_in_campaigns_read_without_a_fault():
     turned = [case.name for case in report.cases if "nut" in case.name]
     assert turned == ["hexagonal nut 100 g", "hexagonal nut 100 g 90", "hexagonal nut 500 g", "hexagonal nut 500 g 90"]
     assert {round(case.load, 2) for case in report.cases} == {0.98, 1.96, 4.9}
+
+
+@pytest.mark.parametrize(("degrees", "curves"), [(0, 1), (18, 1), (22, 2), (90, 2)])
+def test_a_way_is_divided_at_bends_of_more_than_20_degrees(degrees, curves):
+    turn = np.radians(degrees)
+    places = [(0.0, 0.0), (4e-3, 0.0), (4e-3 + 3.1e-3 * np.cos(turn), 3.1e-3 * np.sin(turn))]
+    found = make_case((0.0, 1.0, 2.0), (2.0, 2.0, 2.0), places).divide(2e-3)
+    assert len(found) == curves
+    assert sum(len(each.cases) for each in found) == (16 if curves == 1 else 9 + 8)
+
+
+def test_turns_and_places_of_a_table_are_those_of_all_states():
+    (case,), faults = read(TAP | {"yaw": "30deg", "tilt": "1deg,2deg", "at": "2mm,-3mm"})
+    assert not faults
+    assert {(each.at, round(each.yaw, 6)) for each in case.poses} == {((2e-3, -3e-3), round(np.radians(30), 6))}
+    assert case.poses[0].tilt == pytest.approx((np.radians(1), np.radians(2)))
+    (curve,) = case.divide(2e-3)
+    assert {each.pose for each in curve.cases} == {case.poses[0]}
+    assert [each.name for each in curve.cases][-2:] == ["tap, 1.34 N", "tap, 2 N"]
+    assert (case.heaviest.name, case.heaviest.load) == ("tap", 2.0)
+
+
+def test_a_load_that_comes_to_zero_in_a_slide_has_states_of_a_small_load():
+    """The smallest is 1/512 of the largest, the cube of 1/8."""
+    (curve,) = make_case((0.0, 1.0), (5.12, 0.0), [(0.0, 0.0), (4e-3, 0.0)]).divide(4e-3)
+    assert [each.load for each in curve.cases] == pytest.approx([5.12, 3.84, 2.56, 1.28, 0.01])
+    assert curve.positions.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]

@@ -15,7 +15,7 @@ from validation.campaign.plan import Budget
 from validation.campaign.results import OUT_OF_BUDGET, predict
 from validation.errors import InputError
 from validation.moving.inertia import find_resonance
-from validation.moving.results import measure_delay, measure_misplaced
+from validation.moving.results import average, measure_delay, measure_error, measure_misplaced
 from validation.moving.run import RATE, find_touches, hold, record_fall, run_moving, score_moving
 from validation.regression.made_up import make_case_result
 from validation.sensor_file import BUILT_IN
@@ -320,3 +320,64 @@ def test_finite_elements_between_the_states_agree_with_a_press_at_that_load():
         assert found.totals["truth"][instant] == pytest.approx(direct.texel_forces.sum(), rel=1e-4)
     fast = next(each for each in found.scores if each.model == "fast")
     assert fast.misplaced < 0.03
+
+
+def follow_with(bench, case):
+    curves = case.divide(PARAMETERS.array.pitch[0])
+    solved = {state: solve(state) for curve in curves for state in curve.cases}
+    return score_moving(bench, case, curves, solved), curves
+
+
+@pytest.mark.parametrize(
+    ("design", "high", "words"),
+    [
+        (Butterworth(cutoff_hz=20.0, order=2), None, "order 2, 20 Hz, frames at 271 Hz"),
+        (Butterworth(cutoff_hz=35.0, order=3), 0.5, "order 3, 35 Hz, above 0.5 Hz, frames at 271 Hz"),
+        (None, 0.5, "above 0.5 Hz, frames at 271 Hz"),
+        (None, None, "frames at 271 Hz"),
+    ],
+)
+def test_rows_name_what_the_models_do_in_time(design, high, words):
+    electronics = dataclasses.replace(PARAMETERS.electronics, high_pass_hz=high)
+    parameters = dataclasses.replace(PARAMETERS, filter=design, electronics=electronics)
+    case = make_case((0.0, 0.1, 0.4), (0.0, 2.0, 2.0), [(0.0, 0.0)] * 3)
+    found, curves = follow_with(dataclasses.replace(BENCH, parameters=parameters), case)
+    rows = {each.model: each for each in found.scores}
+    assert (rows["fast"].chain, rows["exact spread"].chain) == (words, words)
+    assert rows["truth at each frame"].chain == "frames at 271 Hz"
+    assert found.states == sum(len(curve.cases) for curve in curves)
+    last = found.totals["exact spread"][-1] / found.totals["truth"][-1]
+    assert last == pytest.approx(np.exp(-2 * np.pi * 0.5 * 0.35) if high else 1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("rate", [271.0, 31.0, 1000.0, 333.3])
+def test_a_frame_holds_the_latest_sample_until_the_next_frame(rate):
+    forces = np.arange(200.0)[:, None] * [1.0, 2.0]
+    frames = np.arange(0, 0.2, 1 / rate)
+    wanted = [int(frames[frames <= k / RATE + 1e-9].max() * RATE + 1e-6) for k in range(200)]
+    assert hold(forces, rate)[:, 0].tolist() == wanted
+    assert hold(forces, rate)[:, 1].tolist() == [2 * each for each in wanted]
+
+
+@pytest.mark.parametrize(
+    ("shares", "level", "wanted"),
+    [
+        ([0.1, 0.3, np.nan], None, 0.2),
+        (list(range(101)), 0.95, 95.0),
+        ([np.nan, 4.0], 0.95, 4.0),
+        ([np.nan], None, np.nan),
+    ],
+)
+def test_means_and_quantiles_leave_undefined_instants_out(shares, level, wanted):
+    assert average(np.array(shares, dtype=float), level) == pytest.approx(wanted, nan_ok=True)
+
+
+@pytest.mark.parametrize(("found", "wanted"), [([[3.0, 4.0]], 0.0), ([[0.0, 0.0]], 1.0), ([[3.0, 9.0]], 1.0)])
+def test_the_error_is_a_share_of_the_true_rms(found, wanted):
+    assert measure_error(np.array([[3.0, 4.0]]), np.array(found)) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("faint", "wanted"), [(0.0, [0.5, 0.25]), (0.1, [np.nan, 0.25])])
+def test_misplaced_force_is_left_out_below_a_share_of_the_largest(faint, wanted):
+    true, found = np.array([[0.1, 0.0], [2.0, 2.0]]), np.array([[0.1, 0.1], [3.0, 1.0]])
+    assert measure_misplaced(true, found, faint) == pytest.approx(np.array(wanted), nan_ok=True)
