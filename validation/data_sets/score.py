@@ -137,7 +137,7 @@ def propose_splits(images: Sequence[Image]) -> tuple[SplitTable, ...]:
         if len(different) > 1:
             least = different[len(different) // 2]
             chosen = ([escape(name) for name in loads if (loads[name] >= least) == heavy] for heavy in (False, True))
-            light, heavy = (SelectionTable(series=series, files=tuple(names)) for names in chosen)
+            light, heavy = (SelectionTable.model_construct(series=series, files=tuple(names)) for names in chosen)
             about = f"{series}: light loads to heavy ones"
             split = SplitTable.model_construct(name=f"{series} heavier", about=about, fit=(light,), score=(heavy,))
             splits.append(split)
