@@ -7,6 +7,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 # Before NumPy loads: test processes share the cores already, and threads of theirs would spin while they wait for one.
@@ -53,9 +54,13 @@ def _no_flush() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Tests never read or write the user's result store; the processes of a run share one, as those of a user do."""
+    """Tests never read or write the user's result store; the processes of a run share one, as those of a user do.
+
+    Runs that are given one folder as `SOFTCOVER_TEST_RESULTS` share it too.
+    """
     base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    own = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    shared = Path(os.environ.get("SOFTCOVER_TEST_RESULTS", own))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOFTCOVER_STORE", str(shared / "shared-store"))
         yield
