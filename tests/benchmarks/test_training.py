@@ -15,6 +15,7 @@ def test_a_policy_is_trained_on_texel_forces_in_processes_that_start_anew(benchm
     assert importlib.import_module("training").train(256, with_arrays=True) > 10
 
 
+@pytest.mark.slow
 def test_the_arrays_hold_the_box_with_the_force_of_the_action(benchmarks):
     env = importlib.import_module("training").make()
     env.reset(seed=0)

@@ -1,4 +1,4 @@
-"""Presses into solid covers on few cells, for quick tests of balances, orders and messages.
+"""Presses on few cells, for quick tests of balances, orders and messages.
 
 Slow tests and tests of accuracy press on the cells of the product.
 """
@@ -12,9 +12,19 @@ import pytest
 
 #: Settings that cost most, by module.
 COARSE = {
-    "press": {"cells": (20, 30, 44), "rough": 30, "rubbing": ((24, 8), (16, 4))},
+    "press": {"cells": (14, 20, 29), "rough": 20, "rubbing": ((24, 8), (16, 4))},
     "local_contact": {"first_cells": 16, "searched": 41, "sampled": 21},
 }
+
+
+@contextlib.contextmanager
+def rough_cells():
+    """Press on covers of layers on half of the cells in each direction, with a result store of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOFTCOVER_STORE", os.environ["SOFTCOVER_STORE"] + "-rough")
+        patch.setattr("fem_reference.indentation.rubbing.GRIDS", (16, 24, 32, 48, 72))
+        patch.setattr("fem_reference.indentation.small_strain.CELLS", (32, 48, 72, 112, 168))
+        yield
 
 
 @contextlib.contextmanager

@@ -12,8 +12,6 @@ from tests.exact.bonded_disk import Disk, compress_disk, gent_lindley
 from tests.exact.disk_series import _Edge, _evaluate_edge_fields, _evaluate_squeeze_film, bonded_disk
 from validation.credibility import verification
 
-FACTORS = [0.25, 0.5, 1.0, 2.0, 3.0]
-
 
 def rubber(nu=0.5):
     return Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 1e6 / 3}, poisson_ratio=nu)
@@ -24,7 +22,7 @@ def apparent(squeezed, radius):
     return squeezed.force / (np.pi * radius**2 * squeezed.strain * rubber().youngs_modulus)
 
 
-@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("factor", [0.25, 1.0, 3.0])
 def test_series_converges_from_above_near_gent_and_lindley(factor):
     """Their estimate is within 7 % of the exact value over the whole range, and no closer than 1 %."""
     found = [bonded_disk(factor, terms=n).value for n in (20, 40, 80)]
@@ -83,8 +81,7 @@ def test_energy_is_the_work_of_the_plates_and_force_its_derivative():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("nu", [0.45, 0.499, 0.5])
-@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize(("factor", "nu"), [(0.25, 0.5), (0.5, 0.499), (1.0, 0.45), (2.0, 0.5), (3.0, 0.45)])
 def test_disks_are_squeezed_by_fifteen_percent(factor, nu):
     radius = 2 * factor * 2e-3
     squeezed = compress_disk(rubber(nu), radius=radius, height=2e-3, strains=[1e-4, 0.05, 0.1, 0.15])
@@ -96,7 +93,7 @@ def test_disks_are_squeezed_by_fifteen_percent(factor, nu):
 
 def test_estimates_cover_the_error_at_small_strain():
     """The true error is known from the series."""
-    for factor in (0.25, 0.5, 1.0, 2.0):
+    for factor in (0.25, 1.0):
         squeezed = compress_disk(rubber(), radius=4e-3 * factor, height=2e-3, strains=[1e-4])
         true = abs(apparent(squeezed, 4e-3 * factor)[0] / bonded_disk(factor).value - 1)
         assert true <= squeezed.error_estimate[0] < 5 * true

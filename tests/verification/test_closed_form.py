@@ -170,7 +170,7 @@ def test_a_wide_punch_on_an_incompressible_layer_follows_lubrication(bonded, rat
     assert found.force == pytest.approx(exact, rel=found.error + 6.5 / ratio**3)
 
 
-@pytest.mark.parametrize(("nu", "ratio"), [(0.5, 60), (0.5, 0.5), (0.49, 60), (0.3, 30)])
+@pytest.mark.parametrize(("nu", "ratio"), [(0.5, 30), (0.5, 0.5), (0.3, 10)])
 def test_the_stated_error_of_a_contact_covers_that_of_few_points(bonded, nu, ratio):
     h = bonded(nu).thickness
     exact = closed_form.punch(bonded(nu), ratio * h, 1e-4 * h)

@@ -82,8 +82,7 @@ def collocate(shape, order, thickness, nu, count=48):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("thickness", [0.01, 0.1, 0.5, 0.9])
+@pytest.mark.parametrize(("nu", "thickness"), [(0.5, 0.01), (0.0, 0.1), (0.3, 0.5), (0.5, 0.5), (0.49, 0.9)])
 def test_each_harmonic_satisfies_the_field_equations(shape, nu, thickness):
     start = 0 if shape == "cylinder" else 1
     for order in [start, start + 1, 2, 3, 7, int(3 / thickness), int(10 / thickness)]:

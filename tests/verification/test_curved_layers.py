@@ -50,8 +50,7 @@ def gauss(start, end, count=60):
 # Cylinder
 
 
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("thickness", [0.06e-3, 0.6e-3, 5.4e-3])
+@pytest.mark.parametrize(("nu", "thickness"), [(0.5, 0.06e-3), (0.0, 0.6e-3), (0.49, 5.4e-3), (0.5, 5.4e-3)])
 def test_the_traction_on_a_cylinder_balances_the_load(cylinder, nu, thickness):
     response = cylinder(nu, thickness).respond(
         LineLoad(force=3.0, shear_force=-0.7, angle=0.4),
@@ -72,7 +71,7 @@ def test_the_traction_on_a_cylinder_balances_the_load(cylinder, nu, thickness):
     assert response.load_moment == pytest.approx(radius * (-0.7 + radius * w @ (300 + 50 * x)), rel=1e-12)
 
 
-@pytest.mark.parametrize("nu", RATIOS)
+@pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_resultants_are_the_integral_of_the_traction(cylinder, nu):
     response = cylinder(nu).respond(LineLoad(force=1.0, shear_force=0.3, angle=0.1))
     patches = np.array([[-0.2, 0.4], [0.4, 1.5], [3.0, 3.01], [-4.0, -1.0]])
@@ -179,7 +178,7 @@ def test_displacements_beside_concentrated_loads_are_limits_of_small_ones(cylind
     assert errors[0] == pytest.approx(4 * np.array(errors[1]), rel=0.1)
 
 
-@pytest.mark.parametrize("nu", [0.3, 0.49, 0.5])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_normal_stress_alone_is_not_the_texel_force(cylinder, sphere, nu):
     """On a core of 6 mm under 1 to 3 mm of cover, texels of 3.4 mm: 5 to 9 % less, on a sphere 9 to 16 %."""
     width = 2 * np.pi / 11
@@ -209,8 +208,7 @@ def ring(count, colatitudes, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("thickness", [pytest.param(2e-3, marks=pytest.mark.slow), 5.4e-3])
+@pytest.mark.parametrize(("nu", "thickness"), [(0.3, 2e-3), (0.5, 5.4e-3)])
 def test_the_traction_on_a_sphere_balances_the_load(sphere, nu, thickness):
     layer = sphere(nu, thickness)
     response = layer.respond(

@@ -79,8 +79,7 @@ def collocate(m, k, thickness, nu, count=48):
     return np.vstack([each[:1] for each in stress]) @ solved, np.vstack([each[1:] for each in moved]) @ solved
 
 
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("thickness", [0.01, 0.1, 0.5, 0.9])
+@pytest.mark.parametrize(("nu", "thickness"), [(0.5, 0.01), (0.0, 0.1), (0.3, 0.5), (0.5, 0.5), (0.49, 0.9)])
 def test_each_wave_satisfies_the_field_equations(nu, thickness):
     for m, k in [(0, 0.1), (0, 3.0), (1, 0.01), (1, 2.0), (2, 0.5), (3, 8 / thickness), (int(6 / thickness), 0.3)]:
         base, top = collocate(m, k, thickness, nu)

@@ -46,7 +46,7 @@ def test_radial_profile_equals_the_exact_layer(bonded, nu):
     assert np.abs(spread.pressure(radius) - exact).max() < 1e-3 * exact.max()
 
 
-@pytest.mark.parametrize("nu", RATIOS)
+@pytest.mark.parametrize("nu", [0.0, 0.499, 0.5])
 def test_texel_forces_equal_the_exact_layer(bonded, wts, nu):
     cover = bonded(nu)
     influence = point_spread(cover).texel_influence(wts, places(wts))
@@ -67,8 +67,7 @@ def test_uniform_pressure_equals_the_exact_layer(bonded, wts, nu):
     assert np.abs(found - exact).max() < 5e-5
 
 
-@pytest.mark.parametrize("base", ["bonded", "sliding"])
-@pytest.mark.parametrize("nu", RATIOS)
+@pytest.mark.parametrize(("nu", "base"), [(0.0, "bonded"), (0.3, "sliding"), (0.499, "sliding"), (0.5, "bonded")])
 def test_texels_and_outside_add_up_to_the_load(bonded, wts, nu, base):
     spread = point_spread(bonded(nu, base=base))
     total = spread.texel_influence(wts, places(wts)).sum(axis=1) + spread.outside(wts, places(wts))
@@ -127,7 +126,7 @@ def test_second_discretisation_agrees(bonded, nu):
 
 
 def test_error_estimates_cover_the_true_error(bonded, wts):
-    for nu in RATIOS:
+    for nu in (0.0, 0.499, 0.5):
         cover = bonded(nu)
         spread = point_spread(cover)
         patch = TexelArray.grid(1, 1, cover.thickness)

@@ -35,8 +35,7 @@ def test_sphere_depth_under_a_load(bonded, wts, nu):
     assert found.depth == pytest.approx(exact.depth, rel=1e-3)
 
 
-@pytest.mark.parametrize("nu", RATIOS)
-@pytest.mark.parametrize("ratio", [0.5, 1.0])
+@pytest.mark.parametrize(("nu", "ratio"), [(0.0, 0.5), (0.3, 1.0), (0.49, 0.5), (0.5, 1.0)])
 def test_flat_punch_force(bonded, wts, nu, ratio):
     cover = bonded(nu)
     exact = closed_form.punch(cover, ratio * cover.thickness, 0.05e-3)

@@ -7,6 +7,7 @@ import pytest
 
 from fem_reference import press
 from meshes import Box, Cylinder, Pose, Sphere
+from tests.support.coarse_cells import rough_cells
 from tests.support.indentations import column_contact
 from tests.support.rubber import make_cover
 
@@ -17,7 +18,7 @@ def find_moment(found):
     return column_contact(found)[:, 2] @ column_contact(found)[:, :2]
 
 
-@pytest.mark.parametrize("degrees", [0.5, 1.0])
+@pytest.mark.parametrize("degrees", [1.0])
 def test_the_moment_of_a_tilted_punch_in_full_contact_is_that_on_a_half_space(wts, degrees):
     """4/3 E* a^3 tilt (Johnson 1985, section 5.1); the raised rim touches while P > 4 E* a^2 tilt."""
     cover = make_cover(0.3, "linear-elastic", thickness=20e-3)
@@ -55,15 +56,16 @@ def test_yaw_turns_the_tilted_indenter(wts):
 
 
 def test_a_small_tilt_is_nearly_none_and_a_ball_none(wts):
-    cover = make_cover(0.45, "linear-elastic")
-    upright, tilted = (press(cover, wts, BOX, load=1.0, pose=Pose.planar(tilt=(tilt, 0.0))) for tilt in (0.0, 2e-5))
-    assert tilted.texel_forces == pytest.approx(upright.texel_forces, abs=0.01 * upright.texel_forces.max())
-    assert tilted.depth == pytest.approx(upright.depth, rel=0.015)
-    ball = Sphere(radius=4e-3)
-    assert (
-        press(cover, wts, ball, load=0.5, pose=Pose.planar(tilt=(0.1, 0.1))).depth
-        == press(cover, wts, ball, load=0.5).depth
-    )
+    with rough_cells():
+        cover = make_cover(0.45, "linear-elastic")
+        upright, tilted = (press(cover, wts, BOX, load=1.0, pose=Pose.planar(tilt=(tilt, 0.0))) for tilt in (0.0, 2e-5))
+        assert tilted.texel_forces == pytest.approx(upright.texel_forces, abs=0.01 * upright.texel_forces.max())
+        assert tilted.depth == pytest.approx(upright.depth, rel=0.015)
+        ball = Sphere(radius=4e-3)
+        assert (
+            press(cover, wts, ball, load=0.5, pose=Pose.planar(tilt=(0.1, 0.1))).depth
+            == press(cover, wts, ball, load=0.5).depth
+        )
 
 
 @pytest.mark.slow

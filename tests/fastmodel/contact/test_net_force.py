@@ -55,8 +55,11 @@ def sum_contacts(model, data):
     return total
 
 
-@pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtCone.mjCONE_PYRAMIDAL])
-@pytest.mark.parametrize("bent", [False, True], ids=["flat", "bent"])
+@pytest.mark.parametrize(
+    ("bent", "cone"),
+    [(False, mujoco.mjtCone.mjCONE_ELLIPTIC), (True, mujoco.mjtCone.mjCONE_PYRAMIDAL)],
+    ids=["flat", "bent"],
+)
 @pytest.mark.parametrize("method", METHODS)
 def test_net_force_and_torque_are_the_sums_of_mujocos_contact_forces(method, bent, cone):
     parameters = dataclasses.replace(FLAT, array=bent_array(), tables={}) if bent else FLAT

@@ -29,6 +29,7 @@ def test_the_limit_of_small_loads_is_small_strain_and_the_base_bears_the_load():
     assert "finite" in found.assumptions["strain"]
 
 
+@pytest.mark.slow
 def test_a_deep_press_differs_from_small_strain():
     pose = Pose.facing([0, 0, 12e-3], DOWN)
     small = press(take_meshes(MESHES, NEO), SMALL.texels, BALL, pose, depth=1.2e-3)

@@ -34,7 +34,7 @@ def stack(*layers):
     return tuple(Layer(thickness=thickness, material=elastic(modulus)) for thickness, modulus in layers)
 
 
-MESH = COVER.divide([1.7e-3, 0.3e-3]).mesh(1.2e-3, layers=3)
+MESH = COVER.divide([1.7e-3, 0.3e-3]).mesh(1.6e-3, layers=3)
 
 
 def test_two_equal_layers_are_one():
@@ -75,7 +75,7 @@ def test_the_fast_model_is_the_reference_on_the_same_mesh(modulus):
     known = press(take_meshes([MESH], layers), COVER.texels, BALL, ABOVE, load=0.3)
     found = press_points(derive_points(MESH, COVER.texels, layers), BALL, ABOVE, load=0.3)
     assert np.abs(found.texel_forces - known.texel_forces).sum() < 2 * 0.015 * 0.3
-    assert found.depth == pytest.approx(known.depth, rel=0.08)
+    assert found.depth == pytest.approx(known.depth, rel=0.1)
 
 
 def test_layers_without_edges_of_elements_between_them_are_refused(tmp_path):

@@ -29,7 +29,7 @@ def draw_lognormal(random, shape):
 
 
 @pytest.mark.parametrize("draw", [draw_normal, draw_lognormal])
-@pytest.mark.parametrize("count", [3, 4, 5, 8, 12, 17])
+@pytest.mark.parametrize("count", [3, 5, 17])
 def test_intervals_cover_from_three_to_seventeen_cases(draw, count):
     """The standard error of a coverage of 0.94 over 6000 draws is 0.003."""
     draws = draw(np.random.default_rng(count), (6000, count))
@@ -37,7 +37,7 @@ def test_intervals_cover_from_three_to_seventeen_cases(draw, count):
     assert 0.93 <= covered <= 0.975, covered
 
 
-@pytest.mark.parametrize("count", [3, 5, 8, 17])
+@pytest.mark.parametrize("count", [3, 17])
 def test_intervals_of_skill_cover_with_errors_that_go_together(count):
     random = np.random.default_rng(count)
     common = draw_lognormal(random, (6000, count))

@@ -52,8 +52,9 @@ def test_kernels_of_texels_that_are_not_square_spread_alike_along_both_axes(deri
     assert spread[0] == pytest.approx(spread[1], rel=0.05)
 
 
-@pytest.mark.parametrize("poisson_ratio", [0.0, 0.3, 0.49, 0.499])
-@pytest.mark.parametrize("pitch_by_thickness", [0.2, 3.0, 10.0, 30.0])
+@pytest.mark.parametrize(
+    ("poisson_ratio", "pitch_by_thickness"), [(0.3, 0.2), (0.0, 3.0), (0.49, 10.0), (0.0, 30.0), (0.499, 30.0)]
+)
 def test_a_cell_yields_under_its_own_pressure_as_its_parts_together(
     derivation, bonded, poisson_ratio, pitch_by_thickness
 ):

@@ -30,8 +30,7 @@ def test_labels_come_back(setup, arrays, serial, start, monotonic):
     assert all(all(compare_arrays(*pair).values()) for pair in zip(described, arrays, strict=True))
 
 
-@pytest.mark.parametrize("key", ["setup", "arrays", "serial", "clock"])
-@given(value=_JSON)
+@given(key=st.sampled_from(["setup", "arrays", "serial", "clock"]), value=_JSON)
 def test_labels_with_one_entry_replaced_are_refused_or_read(key, value):
     """A replaced entry never causes an error of another kind."""
     with suppress(RecordingError):

@@ -75,7 +75,9 @@ def find_changes(parameters, *groups):
     return changes
 
 
-@pytest.mark.parametrize("name", [*REQUIRED, *NEIGHBOURS, *IN_TIME])
+@pytest.mark.parametrize(
+    "name", [*REQUIRED, *NEIGHBOURS, *(pytest.param(name, marks=pytest.mark.slow) for name in IN_TIME)]
+)
 def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
     plant, title = (REQUIRED | NEIGHBOURS | IN_TIME)[name]
     group = title.split(":")[0]

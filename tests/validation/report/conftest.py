@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.support.coarse_cells import rough_cells
 from tests.support.compute_once import compute_once
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
@@ -16,7 +17,7 @@ CASES = (
 
 @pytest.fixture(scope="session")
 def evaluation(wts_derivation):
-    with pytest.MonkeyPatch.context() as patch:
+    with rough_cells(), pytest.MonkeyPatch.context() as patch:
         patch.setattr("validation.campaign.evaluation.derive", lambda _sensor, **_: wts_derivation)
         # Rough fits and coarse contacts are enough for a page.
         patch.setattr("validation.published.models._EVALUATIONS", 3)

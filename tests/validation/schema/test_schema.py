@@ -109,7 +109,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(st.sampled_from(sorted(EXAMPLES)), st.data(), VALUES)
 def test_any_value_at_any_place_is_read_or_bad_input(name, data, value):
     """Whatever stands in a file, it is read or refused in lines; no other error is raised."""

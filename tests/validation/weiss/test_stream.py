@@ -14,14 +14,14 @@ from validation.weiss.stream import Continuity, DeviceClock
 @pytest.mark.parametrize("lost", [0.05, 0.2])
 def test_many_frames_lost_from_the_start_are_not_taken_for_a_slow_stream(lost):
     missing = 0
-    for seed in range(300):
+    for seed in range(100):
         random = Random(seed)  # noqa: S311 -- reproducible, no secret
         sent = {int(number * 1000 / 271): number for number in range(60)}
         came = [ticks for ticks in sent if random.random() >= lost]
         before_gaps = [before for before, after in pairwise(came) if sent[after] - sent[before] > 1]
         assert [gap.after for gap in _follow(came)] == before_gaps
         missing += len(before_gaps)
-    assert missing > 500
+    assert missing > 160
 
 
 def _follow(clock, skipped=None):

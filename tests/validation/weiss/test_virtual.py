@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import serial
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.virtual_port import hit, is_ramp, take, wait_until
@@ -132,6 +132,7 @@ def test_a_playback_shows_each_frame_until_the_next_and_starts_again_after_the_l
 
 
 @pytest.mark.parametrize("name", FAULTS)
+@settings(max_examples=10)
 @given(payload=st.binary(max_size=100), random=st.randoms(use_true_random=False))
 def test_a_fault_changes_the_message_within_its_bounds(name, payload, random):
     message = encode_message(0x01, payload)
