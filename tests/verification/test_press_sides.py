@@ -97,9 +97,9 @@ def test_mirrored_pose_mirrors_the_contact(bonded):
 @pytest.mark.slow
 def test_mirrored_pose_mirrors_the_texel_forces(bonded):
     array = TexelArray.grid(2, 3, 2.5e-3)
-    here = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(2.9e-3, 1.7e-3)))
-    there = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(-2.9e-3, -1.7e-3)))
-    assert array.image(there.texel_forces)[::-1, ::-1] == pytest.approx(array.image(here.texel_forces), abs=1e-7)
+    here = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(2.9e-3, 0.0)))
+    there = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(-2.9e-3, 0.0)))
+    assert array.image(there.texel_forces)[:, ::-1] == pytest.approx(array.image(here.texel_forces), abs=1e-7)
 
 
 @pytest.mark.slow
@@ -144,7 +144,8 @@ def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", [pytest.param((0.0, 0.0), marks=pytest.mark.bench), (3.2e-3, 0.0)])
+@pytest.mark.bench  # the slow tests have the sum of both effects against both at once, near a side
+@pytest.mark.parametrize("at", [(0.0, 0.0), (3.2e-3, 0.0)])
 def test_finite_strain_meets_small_strain_at_small_load(bonded, at):
     """Two discretisations: compliance with side edges on cells, and elements with a contact search of their own."""
     array = TexelArray.grid(2, 2, 3.4e-3)

@@ -20,8 +20,7 @@ COVER = make_cover(0.49)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", [0.4, np.inf])
-@pytest.mark.parametrize("depth", [0.1e-3, 0.25e-3])
+@pytest.mark.parametrize(("depth", "friction"), [(0.25e-3, 0.4)])
 def test_three_dimensions_agree_with_the_plane_of_the_axis_within_their_estimate(depth, friction, monkeypatch):
     """The sides of the pad are four thicknesses away; meshes, radii of edges and baselines differ."""
     monkeypatch.setattr(layered, "_FAR_SIDES", {"bonded": np.inf})  # else the pad is solved as a wide cover

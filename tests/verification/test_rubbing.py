@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -26,10 +25,7 @@ SOFT = stack_layers((2e-3, 1e6, 0.3))
 STIFF_ON_SOFT = stack_layers((0.6e-3, 2e6, 0.1), (0.6e-3, 3e6, 0.4), (0.8e-3, 1e5, 0.45), base="sliding")
 SKIN = stack_layers((2e-3, 2e5, 0.45), (0.1e-3, 20e6, 0.45))
 
-_ROUND = [
-    *itertools.product((SOFT, STIFF_ON_SOFT), (BALL, Cone(angle=2.4, radius=8e-3), Cylinder(radius=1.5e-3))),
-    pytest.param(SKIN, BALL),
-]
+_ROUND = [(SOFT, BALL), (SOFT, Cylinder(radius=1.5e-3)), (STIFF_ON_SOFT, Cone(angle=2.4, radius=8e-3)), (SKIN, BALL)]
 
 
 @pytest.mark.parametrize(("cover", "indenter"), _ROUND)
@@ -48,8 +44,7 @@ def test_friction_agrees_with_boundary_elements(cover, indenter):
     assert found.contact_area == pytest.approx(area, rel=found.error_estimate["contact_area"] + 1e-3)
 
 
-@pytest.mark.parametrize("indenter", [BALL, RoundedTip(radius=12e-3)])
-@pytest.mark.parametrize("base", ["bonded", "sliding"])
+@pytest.mark.parametrize(("base", "indenter"), [("bonded", BALL), ("sliding", RoundedTip(radius=12e-3))])
 def test_a_growing_contact_without_slip_agrees_with_integral_equations(indenter, base):
     cover = replace(SOFT, base=base)
     expected = stuck_shape(cover, lambda r: indenter.gap(r, np.zeros_like(r)), 1.2e-3, steps=24)
@@ -93,8 +88,7 @@ def test_a_load_is_met_and_leads_back_to_its_depth():
     assert by_load.texel_forces == pytest.approx(by_depth.texel_forces, rel=by_load.error_estimate["peak_texel"])
 
 
-@pytest.mark.parametrize("ratio", [0.3, 0.5])
-@pytest.mark.parametrize("radius", [1e-3, 8e-3])
+@pytest.mark.parametrize(("ratio", "radius"), [(0.3, 8e-3), (0.5, 1e-3)])
 def test_a_face_without_slip_on_a_sliding_cover(ratio, radius):
     cover = stack_layers((2e-3, 1e6, ratio), base="sliding")
     exact = stuck_punch(cover, radius).press(1e-5)

@@ -55,14 +55,13 @@ def test_load_and_depth_control_agree_and_the_base_bears_the_load(full_cells):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("friction", "tolerance"), [(0.0, 1e-8), (np.inf, 4e-7)])
-def test_mirrored_presses_give_mirrored_forces(friction, tolerance):
+def test_mirrored_presses_without_slip_give_mirrored_forces():
     one, other = (
-        press(SOLID, COVER.texels, BALL, at_angle(angle, y=0.3e-3), load=0.4, friction=friction)
+        press(SOLID, COVER.texels, BALL, at_angle(angle, y=0.3e-3), load=0.4, friction=np.inf)
         for angle in (0.35, -0.35)
     )
     np.testing.assert_allclose(
-        COVER.texels.image(one.texel_forces)[:, ::-1], COVER.texels.image(other.texel_forces), atol=tolerance
+        COVER.texels.image(one.texel_forces)[:, ::-1], COVER.texels.image(other.texel_forces), atol=4e-7
     )
     assert one.texel_forces.argmax() % 3 == 2
     assert one.total_force == pytest.approx(0.4, rel=1e-6)
@@ -194,7 +193,7 @@ def test_a_flat_pad_agrees_with_the_planar_solution(indenter, material, pad, opt
     width, *at = pad
     cover = flat_pad(size=(width, width), rows=round(width / 5e-3))
     pose = Pose.facing([*at, 5e-3], [0, 0, -1])
-    ours = press(take_meshes(cover.meshes(), material), cover.texels, indenter, pose, **options)
+    ours = press(take_meshes(cover.meshes(1.5), material), cover.texels, indenter, pose, **options)
     planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(width, width))
     known = press(planar, cover.texels, indenter, Pose.planar(at=at), **(options | {"strain": None}))
     differences = {
@@ -216,7 +215,13 @@ def test_force_and_moment_balance_on_the_fingertip(where):
         "pole": ([0, 2e-2, 1e-3], [0, -1, 0]),
         "oblique": ([1e-2, 1e-2, 1.5e-2], [-1, -1, -1.5]),
     }[where]
-    found = press(take_meshes([cover.mesh()], RUBBER), cover.texels, BALL, Pose.facing(position, direction), load=0.5)
+    found = press(
+        take_meshes([cover.mesh(1.6e-3, layers=2)], RUBBER),
+        cover.texels,
+        BALL,
+        Pose.facing(position, direction),
+        load=0.5,
+    )
     size = np.linalg.norm(found.force)
     np.testing.assert_allclose(found.base_force, found.force, atol=2e-3 * size)
     np.testing.assert_allclose(found.base_moment, found.moment, atol=2e-3 * size * 8e-3)

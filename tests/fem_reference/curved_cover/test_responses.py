@@ -152,12 +152,12 @@ def test_errors_are_relative_to_the_largest_force_above_a_texel():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("poisson_ratio", [0.3, 0.49, 0.5])
+@pytest.mark.parametrize("poisson_ratio", [0.5])
 def test_a_flat_pad_of_hexahedra_equals_the_solution_with_free_edges(poisson_ratio):
-    cover = flat_pad(size=(14e-3, 14e-3), rows=3)
+    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
     response = texel_responses(cover.meshes(), cover.texels, rubber(poisson_ratio))
     layer = Layer(thickness=2e-3, material=rubber(poisson_ratio))
-    known = solid_influence(Cover(layers=(layer,), size=(14e-3, 14e-3)), cover.texels)
+    known = solid_influence(Cover(layers=(layer,), size=(10e-3, 10e-3)), cover.texels)
     expected = known.texel_influence(cover.texels, cover.texels.centres[:, :2])
     difference = np.abs(response.matrix - expected).max() / expected.max()
     assert difference < 2e-3
