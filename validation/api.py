@@ -66,6 +66,10 @@ def load(
         OSError: If the file exists and cannot be read.
     """
     if not holds_parameters(str(sensor)):
+        if Path(sensor).is_dir():
+            raise InputError(
+                f"{sensor}: `softcover derive --out` did not write this folder; name one that it wrote, or a file"
+            )
         return load_description(sensor, material=material, thickness=thickness, layers=layers)
     if material is not None or thickness is not None or layers:
         raise InputError(

@@ -11,6 +11,8 @@ from validation.errors import InputError, shorten
 #: Largest accepted number of characters of a hardness as text [-].
 _LONGEST = 40
 _HARDNESS = re.compile(r"([0-9]+(?:\.[0-9]+)?) *(?:shore)?[ -]*([a-z]*|[0o]+)", re.IGNORECASE)
+#: Pattern of a hardness whose scale comes first, as data sheets print it: `Shore A 20`, `Shore 00-30`.
+_SCALE_FIRST = re.compile(r"shore[ -]*(a|(?:00|oo)(?=[ :-]))[ :-]*([0-9].*)", re.IGNORECASE)
 _EXAMPLE = "write for example '30 shore-a' or '30 shore-00'"
 
 
@@ -18,7 +20,7 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
     """Parse a hardness, Shore A or Shore 00, from text, and estimate Young's modulus from it.
 
     Args:
-        value: The text, for example `30 A`, `30 shore-a` or `30 shore-00`.
+        value: The text, for example `30 A`, `30 shore-a`, `Shore A 30` or `30 shore-00`.
         place: Option or key that holds the text; error messages begin with it.
         bare: Whether a number without the name of the scale is accepted, as Shore A.
 
@@ -27,7 +29,7 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
     """
     where = f"{place}: " if place else ""
     text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
-    match = _HARDNESS.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    match = _HARDNESS.fullmatch(_SCALE_FIRST.sub(r"\2 \1", text.strip())) if len(text) <= _LONGEST else None
     if not match:
         raise InputError(f"{where}{shorten(value)} is not a hardness; {_EXAMPLE}")
     if not match[2] and not bare:

@@ -20,6 +20,8 @@ press WTS --load 1N --indenter | --indenter has no value
 derive WTS --layer 2:thickness=1mm | --layer: the cover has no layer 2
 derive . | .: is a folder; name a file
 mesh . | .: is a folder; name a file
+regress . | .: `softcover derive --out` did not write this folder
+press . BALL --model fast | .: `softcover derive --out` did not write this folder
 init . | .: is a folder; name a file, for example sensor.toml
 init . --force | .: is a folder; name a file
 regress WTS --baseline . | .: is a folder; name a file

@@ -7,13 +7,18 @@ from validation.errors import InputError
 from validation.text.hardness import read_hardness
 
 
-@pytest.mark.parametrize("text", ["30", "30 A", "30a", "30 shore-a", "30 Shore A", "30.0 shore a", 30, 30.0])
+@pytest.mark.parametrize(
+    "text", ["30", "30 A", "30a", "30 shore-a", "30 Shore A", "30.0 shore a", "Shore A 30", "shore-a30", 30, 30.0]
+)
 def test_hardness_is_read_as_people_write_it(text):
     found = read_hardness(text, bare=True)
     assert (found.hardness, found.scale) == (30, "a")
 
 
-@pytest.mark.parametrize("text", ["30 shore-00", "30 Shore 00", "30 00", "30 shore-OO", "30 oo", "30.0 SHORE 00"])
+@pytest.mark.parametrize(
+    "text",
+    ["30 shore-00", "30 Shore 00", "30 00", "30 shore-OO", "30 oo", "30.0 SHORE 00", "Shore 00-30", "shore OO 30"],
+)
 def test_shore_00_is_read_with_its_scale_only(text):
     found = read_hardness(text)
     assert (found.hardness, found.scale) == (30, "00")
@@ -28,7 +33,8 @@ def test_hardness_outside_the_range_of_its_scale_is_refused_with_that_range(text
 @pytest.mark.parametrize(
     "text",
     [
-        "", "A", "-30", "30 mm", "shore-a 30", "30 shore-d", "50 0", "50 000", "50 shore-a0", "00-30", "30 a 00",
+        "", "A", "-30", "30 mm", "shore-d 30", "30 shore-d", "shore-0030", "Shore A 30 A",
+        "50 0", "50 000", "50 shore-a0", "00-30", "30 a 00",
         True, None, "1e9", "nan",
     ],
 )  # fmt: skip

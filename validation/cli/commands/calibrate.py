@@ -108,10 +108,15 @@ def _tell_files(found: Calibration | PointLoadCalibration, *paths: Path | None) 
 
 def _show(found: Calibration, name: str) -> None:
     rows = [
-        (quantity.replace("_", " "), f"{each.value:.4g}", f"{each.low:.4g}..{each.high:.4g}", each.unit, each.fitted_on)
+        (
+            f"{quantity.replace('_', ' ')} [{each.unit}]",
+            f"{each.value:.4g}",
+            f"{each.low:.4g} to {each.high:.4g}",
+            each.fitted_on,
+        )
         for quantity, each in found.estimates.items()
     ]
-    headings = ("", "value", f"{found.confidence:.0%} interval", "unit", "fitted on")
+    headings = ("", "value", f"{found.confidence:.0%} interval", "fitted on")
     output.print_table(headings, rows, title=f"Calibration of {name}", left=len(headings), lines=False)
     if name == _PUBLISHED:
         line = found.report_line
