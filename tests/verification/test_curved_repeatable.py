@@ -37,9 +37,9 @@ print(digest, found.depth.hex(), found.total_force.hex())
 def test_two_processes_find_the_same_bits(tmp_path):
     cover = phalanx(length=10e-3, rows=3, columns=3)
     names = []
-    for number, size in enumerate((2.4e-3, 1.8e-3)):
+    for number, size in enumerate((3.0e-3, 2.4e-3)):
         names.append(str(tmp_path / f"{number}.npz"))
-        write_mesh(tmp_path / f"{number}.npz", cover.mesh(size, layers=3))
+        write_mesh(tmp_path / f"{number}.npz", cover.mesh(size, layers=2))
     found = []
     for run in ("one", "other"):
         limits = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "2")

@@ -173,9 +173,9 @@ def list_covered(seeds, **options):
 
 
 @pytest.mark.slow
-def test_intervals_cover_in_90_to_99_of_100():
-    """Poses, sensitivity, dead force and gains are all fitted; the shares are pooled over 100 laboratories."""
-    shares = {name: np.mean(values) for name, values in list_covered(range(100), places=4).items()}
+def test_intervals_cover_in_90_to_99_percent():
+    """Poses, sensitivity, dead force and gains are all fitted; the shares are pooled over 50 laboratories."""
+    shares = {name: np.mean(values) for name, values in list_covered(range(50), places=4).items()}
     assert all(0.9 <= share <= 0.99 for share in shares.values()), shares
 
 

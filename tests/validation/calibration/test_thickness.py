@@ -154,11 +154,11 @@ def test_a_thicker_cover_by_finite_elements_spreads_more():
 
 
 @pytest.mark.slow
-def test_intervals_of_the_thickness_cover_in_85_to_100_of_100():
+def test_intervals_of_the_thickness_cover_as_often_as_stated():
     """Uneven seats, errors of loads and fitted poses; the assumed thickness is off by half."""
-    even = [profile(observe(seed, 1.5, places=2, known=True)) for seed in range(40)]
-    uneven = [profile(observe(seed, 1.5, places=4, known=True, scatter=0.03, heights=1.0)) for seed in range(40)]
-    fitted = [profile(observe(seed, 1.5, places=2)) for seed in range(20)]
+    even = [profile(observe(seed, 1.5, places=2, known=True)) for seed in range(20)]
+    uneven = [profile(observe(seed, 1.5, places=4, known=True, scatter=0.03, heights=1.0)) for seed in range(20)]
+    fitted = [profile(observe(seed, 1.5, places=2)) for seed in range(10)]
     for found in (even, uneven, fitted):
         assert np.mean([each.low <= 1.5 * ASSUMED <= each.high for each in found]) >= 0.85
         assert np.mean([not each.low <= ASSUMED <= each.high for each in found]) >= 0.9
