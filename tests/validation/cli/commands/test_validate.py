@@ -87,7 +87,7 @@ def test_a_stopped_moving_case_ends_as_any_other(softcover, monkeypatch, stop, s
 
 
 #: Number of cases of a campaign that is stopped.
-COUNT = 16
+COUNT = 8
 
 
 @pytest.mark.slow
