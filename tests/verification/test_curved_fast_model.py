@@ -16,10 +16,7 @@ from validation.derivation.cover_points import choose_mesh, derive_points
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
 COVER = fingertip()
 PRESSES = [
-    (Sphere(radius=4e-3), [0, -6.3, 0], [0, 0, -1], 0.3),
     (Sphere(radius=6e-3), [0, -3, 2], [-1, 0.1, -0.5], 0.4),
-    (Sphere(radius=5e-3), [0.4, 0, 2], [0.1, -1, -0.4], 0.3),
-    (Box(size=(5e-3, 4e-3, 5e-3)), [0, -9, 1], [-0.4, 0, -1], 0.4),
     (Box(size=(12e-3, 12e-3, 5e-3)), [0, -4, 0], [0, -0.3, -1], 1.0),
     (Sphere(radius=0.7e-3), [0.3, -5, 0], [0.1, 0, -1], 0.02),
 ]
