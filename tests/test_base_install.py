@@ -25,9 +25,10 @@ def installed(tmp_path_factory):
     build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder / "wheel", ROOT]
     subprocess.run(build, check=True)  # noqa: S603 -- ours
     (wheel,) = (folder / "wheel").glob("*.whl")
-    venv.create(folder / "venv", with_pip=True)
+    venv.create(folder / "venv")
     programs = folder / "venv" / "bin"
-    subprocess.run([programs / "python", "-m", "pip", "install", "--quiet", wheel], check=True)  # noqa: S603 -- ours
+    pip = [sys.executable, "-m", "pip", "--python", programs / "python"]
+    subprocess.run([*pip, "install", "--quiet", "--no-compile", wheel], check=True)  # noqa: S603 -- ours
     return programs
 
 
