@@ -98,6 +98,9 @@ class Sensor:
         self.name, self.parameters = name, parameters
         self._contact, self._every, self._prefix, self._suffix = contact, every, prefix, suffix
         self._data: mujoco.MjData | None = None
+        #: Warnings that this sensor and its twins gave, and those that it does not give again: of a twin, the same.
+        self._told: set[str] = set()
+        self._heard: set[str] = set()
 
     def twin(self, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
         """Make another, unbound sensor of the same array.
@@ -111,7 +114,7 @@ class Sensor:
             prefix: Prefix of the array's names in the model, see `bind`; by default as in this sensor.
             suffix: Suffix of the array's names in the model, see `bind`; by default as in this sensor.
         """
-        return Sensor(
+        twin = Sensor(
             name=self.name,
             parameters=self.parameters,
             contact=self._contact,
@@ -119,12 +122,15 @@ class Sensor:
             prefix=self._prefix if prefix is None else prefix,
             suffix=self._suffix if suffix is None else suffix,
         )
+        twin._told = twin._heard = self._told
+        return twin
 
     def bind(self, model: mujoco.MjModel, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
         """Find the array in the compiled model, compile the kernels, and reset the sensor to its state at rest.
 
         The first call on a machine compiles the kernels, which may take several seconds; later processes load them from
-        disk.  The findings of `check` are given as warnings.
+        disk.  The findings of `check` are given as warnings; a twin leaves out those
+        that its sensor or another twin gave.
 
         Args:
             model: The model that was compiled from the spec with this array.
@@ -150,7 +156,9 @@ class Sensor:
         check_type("suffix", suffix, str, "a str, as in spec.attach(child, suffix='_left')")
         self._start_in(model, prefix, suffix)
         for sentence in self.check(model):
-            warn_user(sentence, OptionWarning)
+            if sentence not in self._heard:
+                warn_user(sentence, OptionWarning)
+            self._told.add(sentence)
         return self
 
     def _start_in(self, model: mujoco.MjModel, prefix: str, suffix: str) -> None:

@@ -217,8 +217,13 @@ def entries(*, checked: bool = False) -> list[Entry]:
     Args:
         checked: Whether to read each whole entry and check it; `Entry.problem` then describes any fault.  Otherwise
             only manifests are read.
+
+    Raises:
+        OSError: If the folder cannot be read, or is no folder.
     """
-    found = (_describe_entry(path, checked=checked) for path in folder().glob(f"*{_SUFFIX}"))
+    place = folder()
+    paths = place.iterdir() if place.exists() else ()  # `glob` would show a folder that cannot be read as empty.
+    found = (_describe_entry(path, checked=checked) for path in paths if path.suffix == _SUFFIX)
     return sorted((entry for entry in found if entry is not None), key=lambda entry: (-entry.created, entry.key))
 
 

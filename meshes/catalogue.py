@@ -122,6 +122,20 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
     }
 )
 
+#: Common names and abbreviations of materials, and the materials in `MATERIALS` that each may stand for.
+COMMON_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        **dict.fromkeys(("pu", "pur", "polyurethane", "urethane"), ("tpu", "polyurethane-foam")),
+        **dict.fromkeys(("silicone", "silicone-rubber"), ("ecoflex-00-30", "dragon-skin-20", "rtv615", "sylgard-184")),
+        **dict.fromkeys(("rubber", "nr"), ("natural-rubber-40", "latex", "neoprene")),
+        **dict.fromkeys(("foam", "sponge"), ("neoprene-sponge", "silicone-foam", "polyurethane-foam")),
+        **dict.fromkeys(("chloroprene", "cr"), ("neoprene", "neoprene-sponge")),
+        **dict.fromkeys(("polyester", "mylar"), ("pet",)),
+        **dict.fromkeys(("pdms", "sylgard"), ("sylgard-184",)),
+        **dict.fromkeys(("kapton", "pi"), ("polyimide",)),
+    }
+)
+
 #: Cover of the Weiss WTS 0614-34 tactile sensor.  Material and thickness of the real cover are unpublished; 2 mm of
 #: nearly incompressible rubber is a guess.
 ASSUMED_COVER = Cover(

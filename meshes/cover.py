@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
-from meshes.array_types import FloatArray, is_positive
+from meshes.array_types import FloatArray, describe_lengths, is_positive
 from meshes.layer import ONE_LAYER, Layer
 
 if TYPE_CHECKING:
@@ -54,7 +54,9 @@ class Cover:
         if self.base not in get_args(Base):
             raise ValueError(f"unknown base {self.base!r}; accepted: {', '.join(get_args(Base))}")
         if self.size is not None and not (np.shape(self.size) == (2,) and all(map(is_positive, self.size))):
-            raise ValueError(f"cover size must be positive edge lengths along x and y, not {self.size} m")
+            raise ValueError(
+                f"cover size must be positive edge lengths along x and y, not {describe_lengths(self.size)}"
+            )
 
     @property
     def thickness(self) -> float:

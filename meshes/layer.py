@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from meshes.array_types import is_positive
+from meshes.array_types import describe_lengths, is_positive
 from meshes.material import Material
 
 #: Remedy where a cover cannot have several layers.
@@ -31,7 +31,7 @@ class Layer:
             TypeError: If the material is not a `Material`.
         """
         if not is_positive(self.thickness):
-            raise ValueError(f"thickness must be positive, not {self.thickness} m")
+            raise ValueError(f"thickness must be positive, not {describe_lengths(self.thickness)}")
         if not isinstance(self.material, Material):
             raise TypeError(f"material must be a Material, for example MATERIALS['tpu'], not {self.material!r}")
 

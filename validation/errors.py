@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ParamSpec, TypeVar, cast
 
@@ -97,20 +97,22 @@ def refuse_existing(option: str, path: Path | None) -> None:
         raise InputError(f"{option}: {path} exists; name a new file")
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def nearest(word: str, known: Iterable[str], meanings: Mapping[str, Sequence[str]] | None = None) -> str:
     """Return the part of an error message that lists accepted names, after an unknown name.
 
     Args:
         word: The unknown name.
         known: The accepted names.
+        meanings: Accepted names that an unknown name in lower case may stand for.
 
     Returns:
-        Text with the accepted names, after the name most similar to `word` if any is similar.
+        Text with the accepted names, after those that `word` may stand for, else the most similar one if any is.
     """
     names = list(known)
     lower = {name.lower(): name for name in names}
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.5)
-    hint = f"did you mean {lower[close[0]]!r}? " if close else ""
+    meant = (meanings or {}).get(match_name(word, meanings or ()), [lower[each] for each in close])
+    hint = f"did you mean {' or '.join(map(repr, meant))}? " if meant else ""
     return f"{hint}accepted: {', '.join(names)}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import logging
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
 
 _LOG = logging.getLogger(__name__)
+
+#: Pattern of a number in a warning.
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
@@ -129,12 +133,19 @@ class LoadCurve:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of all points of the curve, each once, with the load at which it first occurs."""
-        first: dict[str, float] = {}
+        """Warnings of all points of the curve, each once, with the range of loads and of the numbers in it."""
+        found: dict[str, list[tuple[float, list[str]]]] = {}
         for each in self.indentations:
             for sentence in each.warnings:
-                first.setdefault(sentence, each.total_force)
-        return tuple(f"at {load:.4g} N: {sentence}" for sentence, load in first.items())
+                found.setdefault(_NUMBER.sub("#", sentence), []).append((each.total_force, _NUMBER.findall(sentence)))
+        return tuple(self._join_warnings(form, *zip(*points, strict=True)) for form, points in found.items())
+
+    def _join_warnings(self, form: str, loads: Sequence[float], numbers: Sequence[Sequence[str]]) -> str:
+        """Join warnings that differ in their numbers, which `#` replaces in `form`, to one with their ranges."""
+        spans = iter(dict.fromkeys((min(each, key=float), max(each, key=float))) for each in zip(*numbers, strict=True))
+        where = " to ".join(dict.fromkeys((f"{loads[0]:.4g} N", f"{loads[-1]:.4g} N")))
+        count = f" ({len(loads)} of {len(self.indentations)} points)" if len(loads) > 1 else ""
+        return f"at {where}{count}: " + re.sub("#", lambda _: "..".join(next(spans)), form)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row for each point of the curve, as names with values in SI units.

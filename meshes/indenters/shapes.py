@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from meshes.array_types import FloatArray, is_positive
+from meshes.array_types import FloatArray, describe_lengths, is_positive
 from meshes.indenters.polygons import (
     Corner,
     Polygon,
@@ -168,7 +168,7 @@ def require_positive(shape: object, *lengths: float) -> None:
         ValueError: If a length is not finite or not positive.
     """
     if not all(map(is_positive, lengths)):
-        raise ValueError(f"{type(shape).__name__} needs positive lengths, not {lengths}")
+        raise ValueError(f"{type(shape).__name__} needs positive lengths, not {describe_lengths(lengths)}")
 
 
 def find_tolerance(footprint: tuple[float, float]) -> float:
@@ -366,7 +366,7 @@ class Box(FlatPunch):
     def __post_init__(self) -> None:
         """Check that the size is three positive edge lengths; raise a ValueError otherwise."""
         if np.shape(self.size) != (3,):
-            raise ValueError(f"Box needs three edge lengths, not {self.size}")
+            raise ValueError(f"Box needs three edge lengths, not {describe_lengths(self.size)}")
         require_positive(self, *self.size)
 
     @property
@@ -518,9 +518,8 @@ class LetterH(PolygonalPunch):
         """
         require_positive(self, *self.size, self.bar)
         if not (2 * self.bar < self.size[0] and self.bar < self.size[1]):
-            raise ValueError(
-                f"LetterH needs a bar that leaves room between the legs, not {self.bar} m in {self.size} m"
-            )
+            bar, size = describe_lengths(self.bar), describe_lengths(self.size)
+            raise ValueError(f"LetterH needs a bar that leaves room between the legs, not {bar} in {size}")
 
     @property
     def polygons(self) -> tuple[Polygon]:
@@ -561,7 +560,8 @@ class Nut(PolygonalPunch):
         """
         require_positive(self, self.across, self.bore)
         if not match_hexagon(self.bore) < self.across:
-            raise ValueError(f"Nut needs a bore that leaves a wall, not {self.bore} m in {self.across} m")
+            bore, across = describe_lengths(self.bore), describe_lengths(self.across)
+            raise ValueError(f"Nut needs a bore that leaves a wall, not {bore} in {across}")
 
     @property
     def polygons(self) -> tuple[Polygon, ...]:

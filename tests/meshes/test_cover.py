@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from meshes import Box, Cover, Layer, Material, SolidCover, Sphere, TexelArray
+from meshes import Box, Cover, Layer, LetterH, Material, Nut, SolidCover, Sphere, TexelArray
 
 RUBBER = Material(
     name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49, source="test"
@@ -62,6 +62,10 @@ def test_one_layer_with_a_stored_energy_allows_finite_strain():
         (lambda: Box(size=(1e-2, 1e-2)), "Box needs three edge lengths"),
         (lambda: Box(size=()), "Box needs three edge lengths"),
         (lambda: Sphere(radius=None), "Sphere needs positive lengths"),
+        (lambda: Sphere(radius=-5e-3), "Sphere needs positive lengths, not -5 mm"),
+        (lambda: Box(size=(4e-3, 2e-3, -1e-3)), "not 4 mm, 2 mm, -1 mm"),
+        (lambda: LetterH(size=(8e-3, 6e-3), bar=5e-3), "not 5 mm in 8 mm, 6 mm"),
+        (lambda: Nut(across=8e-3, bore=9e-3), "not 9 mm in 8 mm"),
         (lambda: Sphere(radius=True), "Sphere needs positive lengths"),
         (lambda: Sphere(radius=np.ones((1, 1))), "Sphere needs positive lengths"),
         (lambda: TexelArray.grid(rows=2, columns=2, pitch=(math.nan, 1e-3)), "must be positive|must be finite"),

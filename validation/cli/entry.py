@@ -54,6 +54,8 @@ PIPE_CLOSED = 141
 #: Errors of the operating system that are due to the text of a path: a name that is too long, a file in place of a
 #: folder or the reverse, or a cycle of links.
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
+#: Errors of a full disk or quota.  Files name themselves in theirs, so that others are of standard output.
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 #: Characters of messages and results, and what stands for them in an encoding that lacks them.
 _PLAIN = {"±": "+-", "²": "2", "°": " deg", "µ": "u", "×": "x", "–": "-", "“": '"', "”": '"'}  # noqa: RUF001
 #: Largest number of faults of a user's input that are printed, one line each [-].
@@ -231,10 +233,11 @@ def _run(words: Sequence[str]) -> int:
 
 def _say_next(words: Sequence[str]) -> None:
     """State in one line what to do after a command that succeeded; `words` are those after `softcover`."""
-    command, first = words[0] if words else "", words[1] if len(words) > 1 else "-"
+    command, placeholder, first = words[0] if words else "", "SENSOR", words[1:2]
+    if command == "init":  # All its words but the names of options are the file that it writes.
+        placeholder, first = "sensor.toml", [word.removeprefix("--out=").removeprefix("--path=") for word in words[1:]]
     if advice := _NEXT.get(command):
-        placeholder = "sensor.toml" if command == "init" else "SENSOR"
-        first = placeholder if first.startswith("-") else shlex.quote(first)
+        first = next((shlex.quote(word) for word in first if not word.startswith("-")), placeholder)
         say(f"next: {advice.format(first)}")
 
 
@@ -362,7 +365,8 @@ def explain(error: Exception) -> Explanation | None:
             text, status = "not enough memory for this input", OUTSIDE_FAILED
         case OSError():
             reason = str(error.strerror or error)
-            text = f"{error.filename}: {reason}" if error.filename else reason
+            place = error.filename or ("standard output" if error.errno in _FULL else "")
+            text = f"{place}: {reason}" if place else reason
             of_path = any(getattr(each, "errno", None) in _PATH_FAULTS for each in (error, error.__cause__))
             status = BAD_INPUT if of_path else OUTSIDE_FAILED
         case InputError():

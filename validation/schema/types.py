@@ -17,7 +17,7 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, create_m
 from pydantic_core import CoreSchema, core_schema
 
 from meshes.array import MOST_TEXELS
-from meshes.catalogue import MATERIALS
+from meshes.catalogue import COMMON_NAMES, MATERIALS
 from meshes.hardness import HardnessModulus
 from meshes.layer import Layer
 from meshes.material import MODELS, Material
@@ -441,7 +441,7 @@ def read_material_name(value: str) -> Material:
     """
     name = match_name(value, MATERIALS)
     if name not in MATERIALS:
-        raise ValueError(f"unknown material {shorten(value)}; {nearest(name[: LIMITS.name], MATERIALS)}")
+        raise ValueError(f"unknown material {shorten(value)}; {nearest(name[: LIMITS.name], MATERIALS, COMMON_NAMES)}")
     return MATERIALS[name]
 
 

@@ -1,6 +1,7 @@
 import dataclasses
 import subprocess
 import sys
+import warnings
 
 import mujoco
 import numpy as np
@@ -333,3 +334,19 @@ def test_late_observations_are_those_of_earlier_frames():
     for wrong in ({"gain": -1}, {"dead": 1.1}, {"offset": np.nan}, {"latency": 0.5}):
         with pytest.raises(FastModelError, match=next(iter(wrong))):
             Variation(**wrong)
+
+
+def test_a_warning_of_a_sensor_is_given_once_for_all_environments():
+    spec, sensor = build_pushed_ball()
+    spec.option.solver = mujoco.mjtSolver.mjSOL_CG
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        sensor.bind(spec.compile())
+        told = [str(each.message) for each in given]
+        for _ in range(2):
+            env = TactileObservation(BallEnv(spec.compile()), sensor)
+            env.unwrapped.model = spec.compile()
+            env.unwrapped.data = mujoco.MjData(env.unwrapped.model)
+            env.reset(seed=1)
+    assert told
+    assert [str(each.message) for each in given] == told

@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -97,3 +98,12 @@ def test_a_full_disk_is_named_when_a_library_writes(softcover, monkeypatch, tmp_
     status, _, err = softcover("export", "wts-0614-34", "--out", "out")
     assert (status, err) == (3, f"softcover: {tmp_path / 'out'}: No space left on device\n")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_behind_standard_output_is_named():
+    code = "from validation.cli import main; main(['store', 'list'])"
+    with Path("/dev/full").open("w") as device:
+        ended = subprocess.run(  # noqa: S603 -- own code
+            [sys.executable, "-c", code], stdout=device, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (ended.returncode, ended.stderr) == (3, "softcover: standard output: No space left on device\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from fem_reference import IncompletePathError, press
 from meshes import Box, Pose, TexelArray
 from tests.support.indentations import make_indentation
 from tests.support.rubber import make_cover
-from validation.press_files import write_vtu
+from validation.press_files import LoadCurve, write_vtu
 from validation.pressing import read_request
 from validation.scene.rendering import RenderingError
 from validation.sensor_file import BUILT_IN
@@ -108,8 +109,22 @@ def test_a_curve_follows_the_accuracy_and_keeps_warnings(monkeypatch, tmp_path):
     curve = trace(2, load="0.2N", accuracy=1e-4)
     rows = curve.as_json()["curve"]
     assert all("wanted, but the feasible grids reach" in row["warnings"][-1] for row in rows)
-    assert [sentence[:8] for sentence in curve.warnings] == ["at 0.1 N", "at 0.2 N"]
+    (sentence,) = curve.warnings
+    assert sentence.startswith("at 0.1 N to 0.2 N (2 of 2 points): 0.01 % wanted, but the feasible grids reach ")
     curve.write(tmp_path)
     written = list(csv.DictReader((tmp_path / "curve.csv").open()))
     assert [float(row["balance"]) for row in written] == [row["balance"] for row in rows]
     assert all("wanted" in row["warnings"] for row in written)
+
+
+def test_warnings_of_a_curve_that_differ_in_numbers_are_one_with_their_ranges():
+    said = {
+        0.1: ("large estimated error: contact area 12%", "no side"),
+        0.2: ("large estimated error: contact area 9%",),
+    }
+    said |= {0.3: (), 0.4: ("large estimated error: contact area 9%",)}
+    points = [SimpleNamespace(total_force=load, warnings=each) for load, each in said.items()]
+    assert LoadCurve(indentations=points, wanted=4).warnings == (
+        "at 0.1 N to 0.4 N (3 of 4 points): large estimated error: contact area 9..12%",
+        "at 0.1 N: no side",
+    )

@@ -123,3 +123,12 @@ def test_prune_always_removes_damaged_entries_and_unfinished_files(filled):
     assert "damaged" in out
     assert "1 unfinished file" in out
     assert (result_store.folder() / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("action", ["list", "verify", "prune"])
+def test_a_file_in_place_of_the_store_is_refused(softcover, tmp_path, monkeypatch, action):
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setenv("SOFTCOVER_STORE", str(file))
+    status, out, err = softcover("store", action)
+    assert (status, out, err) == (2, "", f"softcover: {file}: Not a directory\n")
