@@ -325,7 +325,7 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
         if position > len(content):
             raise RecordingError("a chunk ends in the middle of a record")
         budget.spend(records=1)
-    yield from breakup_chunk(replace(chunk, compression="", uncompressed_crc=0, data=content))
+    yield from breakup_chunk(replace(chunk, compression="", data=content))
 
 
 def _unpack(chunk: Chunk) -> bytes:

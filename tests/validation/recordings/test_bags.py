@@ -302,3 +302,43 @@ def test_a_camera_beside_the_array_is_left_out(tmp_path):
     write_messages(tmp_path / "bag", [image("/camera", 240, 320), image("/pad", 14, 6)])
     (array,) = open_recording(tmp_path / "bag").arrays
     assert array.counts.shape == (1, 84)
+
+
+PIXELS = [[0, 1, 513], [3, 4, 65535]]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "kind", "step", "big"),
+    [
+        ("mono16", "<u2", 6, 0),
+        ("16UC1", ">u2", 6, 1),
+        ("mono16", "<u2", 8, 0),
+        ("mono8", "u1", 3, 0),
+        ("8UC1", "u1", 5, 1),
+    ],
+)
+def test_images_are_read_in_both_orders_of_bytes_and_without_padding(tmp_path, encoding, kind, step, big):
+    pixels = (np.array(PIXELS) % 2 ** (8 * np.dtype(kind).itemsize)).astype(kind)
+    lines = np.zeros((2, step), dtype=np.uint8)
+    lines[:, : 3 * pixels.itemsize] = pixels.view(np.uint8)
+    wrench = {"force": dict(zip("xyz", (7.0, 8.0, -1.5), strict=True)), "torque": dict.fromkeys("xyz", 9.0)}
+
+    def header(seconds):
+        return {"stamp": {"sec": seconds, "nanosec": 500_000_000 * (seconds > 0)}, "frame_id": ""}
+
+    size = {"height": 2, "width": 3, "step": step, "encoding": encoding, "is_bigendian": big, "data": lines.ravel()}
+    messages = [  # received at 1 and 9 s; the stamps, if any, state 3.5 and 4.5 s
+        ("/pad", "sensor_msgs/msg/Image", 9 * 10**9, {"header": header(4), **size}),
+        ("/pad", "sensor_msgs/msg/Image", 1 * 10**9, {"header": header(3), **size}),
+        ("/rig", "geometry_msgs/msg/WrenchStamped", 6 * 10**9, {"header": header(0), "wrench": wrench}),
+    ]
+    found = bags.read(write_messages(tmp_path / "bag", messages))
+    assert found.arrays[0].counts.tolist() == [pixels.ravel().tolist()] * 2
+    assert (found.arrays[0].texels.rows, found.arrays[0].texels.columns) == (2, 3)
+    assert found.started.timestamp() == 3.5
+    assert (found.times.tolist(), found.forces.tolist(), found.force_times.tolist()) == ([0, 1], [-1.5], [2.5])
+    times, forces = bags.read_forces(tmp_path / "bag")
+    assert (times.tolist(), forces.tolist()) == ([6.0], [-1.5])
+    short = [(*messages[0][:3], {**messages[0][3], "step": 3 * pixels.itemsize - 1})]
+    with pytest.raises(RecordingError, match="an image of 2 x 3 pixels has"):
+        bags.read(write_messages(tmp_path / "short", short))
