@@ -9,8 +9,8 @@ import pytest
 
 from meshes import Box, TexelArray
 from validation.calibration.model import Observations, Placement
-from validation.data_sets.data_set import DataFile
-from validation.data_sets.images import describe_layout, find_creep, find_load, read_image
+from validation.data_sets.data_set import DataFile, DataSet
+from validation.data_sets.images import describe_layout, find_creep, find_load, observe, read_image, read_images
 from validation.data_sets.nulls import NULLS, fit_pattern, fit_polynomials, fit_ratio, fit_zeros
 from validation.data_sets.zeros import find_rest, find_unloaded, find_unloaded_by_force, subtract_zero
 from validation.recordings.importing import save
@@ -101,6 +101,17 @@ def test_rubber_that_was_pressed_recovers_and_takes_the_drift_of_the_others():
     found = subtract_zero(TIMES, counts, ALL, ~ON)
     middle = 3.0 * (np.arange(6, 14) - 2.5) / 14
     assert found.counts[ON] == pytest.approx(RISE - middle[:, None])
+
+
+@pytest.mark.parametrize(("stands", "kept"), [(3.0, True), (12.0, False)])
+def test_a_texel_recovers_if_it_stands_above_three_spreads_of_the_others(stands, kept):
+    """The untouched ones drift by 2, 3 and 4 counts: a spread of 1.4826, and 3 + 3 x 1.4826 = 7.4."""
+    rises = np.array([100.0, 0.0, 0.0, 0.0])
+    after = np.array([stands + 3.0, 2.0, 3.0, 4.0])
+    counts = 50 + np.outer(ON, rises) + np.outer(TIMES >= 14, after)
+    found = subtract_zero(TIMES, counts, np.ones(4, dtype=bool), ~ON)
+    middle = (stands + 3.0 if kept else 3.0) * (np.arange(6, 14) - 2.5) / 14
+    assert found.counts[ON][:, 0] == pytest.approx(100 - middle)
 
 
 def test_texels_that_a_firmware_clips_keep_their_counts():
@@ -320,6 +331,60 @@ def test_a_force_within_a_fifth_of_the_label_agrees(tmp_path, force):
     assert len(images) == 24 - 2
     assert [image.load for image in images[1:]] == pytest.approx([force] * 21)
     assert all(np.isnan(image.age) for image in images)
+
+
+def test_a_force_channel_that_is_never_at_rest_keeps_its_values(tmp_path):
+    path = record(tmp_path, forces=np.full(60, 4.0) + 0.5 * np.sin(FRAMES), load=None)
+    images = read(path, load="force", zero="none")
+    assert len(images) == 24
+    assert np.mean([image.load for image in images]) == pytest.approx(4.0, abs=0.1)
+    assert images[3].counts == pytest.approx(10 + PRESSED * np.mean(FRAMES[9:12] >= 2))
+
+
+def test_the_noise_of_an_image_is_that_of_texels_that_are_never_zero(tmp_path):
+    """Noise of 4 and 8 counts about a zero that a firmware clips, and a texel that reads zero now and then."""
+    wave = np.resize([1.0, -1.0, -1.0, 1.0], 60)
+    counts = np.outer(FRAMES >= 2, PRESSED) + np.outer(wave * (FRAMES >= 2), [0, 4, 8, 0, 0, 0])
+    counts[:, 5] = 1000 * (np.arange(60) % 3 == 0) * (FRAMES >= 2)
+    (image,) = read(record(tmp_path, counts=counts), window=(4.0, 6.0))
+    assert image.noise == pytest.approx(((4**2 + 8**2) / 2 * 8 / 6) ** 0.5, rel=1e-6)
+
+
+def test_observations_hold_what_their_images_hold(tmp_path):
+    first = read(record(tmp_path), window=(4.0, 6.0))[0]
+    second = replace(first, load=7.0, temperature=33.0, creep=0.1, threshold=4.0, floor=first.floor + 1, age=9.0,
+                     file=replace(first.file, name="other"), measured=np.arange(6) > 1)  # fmt: skip
+    seen = observe([first, second])
+    assert seen.loads.tolist() == [5.0, 7.0]
+    assert seen.temperatures.tolist() == [30.0, 33.0]
+    assert seen.ages.tolist() == [first.age, 9.0]
+    assert seen.thresholds.tolist() == [0.0, 4.0]
+    assert seen.creep[1] == 0.1
+    assert seen.floors.tolist() == [first.floor.tolist(), (first.floor + 1).tolist()]
+    assert seen.counts.tolist() == [first.counts.tolist()] * 2
+    assert seen.measured.tolist() == [[True] * 6, [False] * 2 + [True] * 4]
+    assert (seen.groups, seen.placements) == (("made", "other"), (HERE, HERE))
+
+
+@pytest.mark.parametrize(
+    ("signs", "kept", "words"),
+    [
+        ((1, 1), [0, 1], ()),
+        ((-1, -1), [0, 1], ("fall under load in every recording",)),
+        ((-1, 1, -1), [0, 2], ("1.mcap: the counts rise under load, and fall in most",)),
+        ((-1, 1, 1), [1, 2], ("0.mcap: the counts fall under load, and rise in most",)),
+        ((-1, 1), [1], ("0.mcap: the counts fall under load, and rise in most",)),
+    ],
+)
+def test_counts_change_as_in_most_recordings(tmp_path, signs, kept, words):
+    files = []
+    for number, sign in enumerate(signs):
+        counts = 600 + sign * np.outer(FRAMES >= 2, PRESSED + number)
+        path = record(tmp_path, counts=counts, full_scale=2000).rename(tmp_path / f"{number}.mcap")
+        files.append(DataFile(path=path, name=str(number), series="s", placement=HERE))
+    images, problems = read_images(DataSet(name="", folder=tmp_path, files=tuple(files), problems=()), ARRAY)
+    assert [int(image.file.name) for image in images] == kept
+    assert [word in line for word, line in zip(words, problems, strict=True)] == [True] * len(words)
 
 
 def test_a_layout_is_described_by_columns_rows_texels_and_pitch():
