@@ -114,7 +114,11 @@ def test_gains_from_one_placement_are_said_to_contain_its_seat(places):
     ("loads", "reached"), [((10.0, 20.0, 30.0, 40.0, 50.0, 60.0), True), ((5.0, 8.0, 11.0), False)]
 )
 def test_a_saturation_is_found_only_if_the_loads_reach_it(loads, reached):
-    found = calibrate(observe(4, places=2, known=True, loads=loads)[0], METHOD)
+    """Whatever a texel reads that is switched off."""
+    seen = observe(4, places=2, known=True, loads=loads)[0]
+    counts, measured = seen.counts.copy(), seen.measured.copy()
+    counts[:, 0], measured[:, 0] = 40_000, False
+    found = calibrate(replace(seen, counts=counts, measured=measured), METHOD)
     assert ("output_max" in found.estimates) == reached
     assert not reached or found.estimates["output_max"].value == pytest.approx(4095, rel=0.01)
 
@@ -222,7 +226,7 @@ def lay(**options):
         temperatures=np.array([20.0, 24.0]), ages=np.array([np.nan, 30.0]), thresholds=np.array([2.5, 2.5]),
     )  # fmt: skip
     guesses = {BLOCK: Pose(1e-3, 2e-3, 0.4, 0.01, 0.0), BALL: Pose(1e-3, 0.0)}
-    return lay_out(seen, Options(temperature=False, **options), ARRAY, guesses)
+    return lay_out(seen, Options(**{"temperature": False} | options), ARRAY, guesses)
 
 
 def test_poses_stay_near_the_array_turns_are_expected_small_and_gains_near_one():
@@ -253,6 +257,46 @@ def test_the_first_curve_is_a_line_through_the_sums_without_saturation():
     assert (curve.gains == 1).all()
     assert (curve.heights == 0).all()
     assert lay(output_max=None).fixed.output_max == pytest.approx(1.05 * 60)
+
+
+def test_spreads_of_temperature_saturation_and_heights_follow_the_loads_and_counts():
+    """A mean load of 1.5 N on four lit texels is 0.375 N on a texel; the largest count is 60."""
+    observed = lay(output_max=None, heights=True, gains=False, temperature=True)
+    rows = {each.name: (each.start, each.scale, each.lower, each.upper, each.mean, each.spread)
+            for each in observed.unknowns if not each.placement}  # fmt: skip
+    none = np.inf
+    assert rows == {
+        "ln_sensitivity": pytest.approx((np.log(102.5), 0.3, -none, none, 0, none)),
+        "dead_force": pytest.approx((0, 0.1125, -none, none, 0, none)),
+        "gain_temperature": pytest.approx((0, 0.01, -none, none, 0, 0.02)),
+        "dead_temperature": pytest.approx((0, 0.1 * 0.00375, -none, none, 0, 0.00375)),
+        "output_max": pytest.approx((63, 6, 54, 60e3, 0, none)),
+        "band_logit": pytest.approx((0, 1, -6, 6, 0, 1)),
+    } | {f"height{texel}": pytest.approx((0, 0.45, -none, none, 0, 0.45)) for texel in range(4)}
+    vector = np.array([each.start for each in observed.unknowns])
+    names = [each.name for each in observed.unknowns]
+    for name, value in (("output_max", 80.0), ("band_logit", np.log(3)), ("height2", 0.7), ("dead_force", 0.2)):
+        vector[names.index(name)] = value
+    curve = observed.curve(vector)
+    assert (curve.output_max, curve.dead_force) == (80.0, 0.2)
+    assert curve.saturation_band == pytest.approx(60.0)
+    assert curve.heights.tolist() == [0, 0, 0.7, 0, 0, 0]
+
+
+def test_a_session_has_the_common_curve_times_its_level_and_gains():
+    layout = lay(sessions=True)
+    vector = np.zeros(len(layout.unknowns))
+    names = [each.name for each in layout.unknowns]
+    values = {"ln_sensitivity": 500.0, "gain1": 2.0, "gain1 of ball": 3.0, "gain2 of block": 5.0}
+    values["ln level of ball"] = 1.5
+    for name, value in values.items():
+        vector[names.index(name)] = np.log(value)
+    common, sessions = layout.curve(vector), layout.session_curves(vector)
+    assert (common.sensitivity, common.gains.tolist()) == (pytest.approx(500), pytest.approx([1, 2, 1, 1, 1, 1]))
+    assert sessions["ball"].sensitivity == pytest.approx(750)
+    assert sessions["ball"].gains == pytest.approx([1, 6, 1, 1, 1, 1])
+    assert sessions["block"].sensitivity == pytest.approx(500)
+    assert sessions["block"].gains == pytest.approx([1, 2, 5, 1, 1, 1])
 
 
 def test_each_session_has_a_level_and_changes_of_the_gains():

@@ -6,7 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt, step
+from scipy.signal import butter, lsim, sosfilt, step
 
 from fastmodel.signal.creep import Creep
 from meshes import TexelArray
@@ -43,6 +43,58 @@ def test_a_filter_is_found_with_its_order_and_delay():
     assert found.cutoff.low < 12 < found.cutoff.high < 1.1 * found.cutoff.low
     assert found.delay.value == pytest.approx(4e-3, abs=1e-3)
     assert not found.reason
+
+
+def test_an_interval_is_symmetric_in_the_logarithm_and_the_noise_is_that_of_the_fit():
+    """Noise of 10 counts; frames from half a second before the step to a second after it."""
+    found = fit_step(*record(2, 12.0, 271.0, 2))
+    assert found.cutoff.low * found.cutoff.high == pytest.approx(found.cutoff.value**2)
+    assert found.delay.low + found.delay.high == pytest.approx(2 * found.delay.value)
+    assert found.noise == pytest.approx(10.0, rel=0.15)
+    assert abs(found.frames - 1.5 * 271) <= 1
+    assert found.cutoff.fitted_on == f"{found.frames} frames about the step"
+    louder = fit_step(*record(2, 12.0, 271.0, 2, noise=20.0))
+    width, wider = (np.log(each.cutoff.high / each.cutoff.low) for each in (found, louder))
+    assert wider == pytest.approx(2 * width, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kept"),
+    [
+        # change of each texel, which rests at 100: texels from 30 % of the largest change on are summed
+        ((100, 31, 29, 0), [0, 1]),
+        ((-90, 28, 26, 0), [0, 1]),
+        ((10, 0, 0, 0), [0]),
+    ],
+)
+def test_the_texels_that_the_step_changes_are_summed_where_none_reads_zero(changes, kept):
+    times = np.arange(100) / 50
+    counts = 100 + np.outer(times > 1.0, changes)
+    counts[::10, 3] = 0  # not pressed
+    counts[3, kept[0]] = 0
+    counts[times < 0.5] += [0, 0, 500, 0]  # more than half a second before
+    array = RecordedArray(texels=TexelArray.grid(2, 2, pitch=3e-3), enabled=np.ones(4, dtype=bool),
+                          counts=counts.astype(np.int32), full_scale=4095)  # fmt: skip
+    found, sums = sum_pressed(array, times, 1.0)
+    assert found == pytest.approx(np.delete(times, 3))
+    assert sums[-1] == sum(100 + changes[texel] for texel in kept)
+    on = np.arange(4) != kept[-1]
+    masked = dataclasses.replace(array, enabled=on)
+    if len(kept) > 1:
+        assert sum_pressed(masked, times, 1.0)[1][-1] == 100 + changes[0]
+    assert sum_pressed(array, times, 5.0)[1][-1] == counts[-1].sum()
+    with pytest.raises(InputError, match="every texel of the array is switched off"):
+        sum_pressed(dataclasses.replace(array, enabled=np.zeros(4, dtype=bool)), times, 1.0)
+
+
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("rate", [0.2, 1.7])
+def test_the_response_to_a_decaying_load_equals_that_of_scipy(order, rate):
+    times = np.linspace(0, 10, 2001)
+    b, a = butter(order, 1.0, analog=True)
+    _, exact, _ = lsim((b, a), np.exp(-rate * times), times)
+    found = respond(order, times, np.array([rate, 0.0]))
+    assert found == pytest.approx(exact + respond(order, times), abs=1e-4)
 
 
 def test_frames_that_cannot_tell_the_filter_bound_it():
