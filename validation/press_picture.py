@@ -11,7 +11,7 @@ import numpy as np
 
 from meshes import Cover
 from validation.render.figure import COLUMN, INDENTER, LAYERS, OUTLINE, PAGE, draw_texels, open_figure, save_figure
-from validation.render.image import Scale, find_outline
+from validation.render.image import LEAST_PULL, Scale, find_outline
 from validation.text.indenter import describe_indenter
 
 if TYPE_CHECKING:
@@ -98,6 +98,11 @@ def list_images(comparison: Comparison) -> Iterator[tuple[str, FloatArray]]:
         yield "difference", comparison.fast.texel_forces - fem.texel_forces
 
 
+def is_pulled(forces: FloatArray) -> bool:
+    """Return whether a cover pulls a texel by more than 1 % of the largest force, given all forces, shape (n,) [N]."""
+    return bool(forces.min() < -LEAST_PULL * np.abs(forces).max())
+
+
 def find_profile(
     fields: CoverFields, at: tuple[float, float], yaw: float, level: float | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -146,8 +151,10 @@ def _draw_images(figure: SubFigure, comparison: Comparison, images: list[tuple[s
             if outline is not None:
                 x, y = ((outline - array.centres[0, :2]) / array.pitch).T
                 panel.fill(x, y, fill=False, edgecolor=OUTLINE, linestyle="--", linewidth=0.9)
+        pulled = group is forces and any(is_pulled(each) for _, each in shown)
         if group:
-            figure.colorbar(drawn, ax=group, label=label)
+            text = f"{label}; red: pulled, below zero" if pulled else label
+            figure.colorbar(drawn, ax=group, label=text, extend="min" if pulled else "neither")
 
 
 def _draw_section(axes: Axes, comparison: Comparison, cover: Cover) -> None:

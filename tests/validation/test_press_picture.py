@@ -143,3 +143,20 @@ def test_files_without_pyvista_or_matplotlib_lack_their_pictures_and_name_the_ex
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert write_picture(comparison, tmp_path) == ()
     assert ".[report]" in caplog.text
+
+
+def test_pulled_texels_have_a_colour_that_the_legend_names(comparison, tmp_path, monkeypatch):
+    saved = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: saved.append(figure))
+    forces = comparison.fem.texel_forces.copy()
+    forces[:2] = -0.02 * forces.max(), -0.005 * forces.max()
+    fem = dataclasses.replace(comparison.fem, texel_forces=forces)
+    write_picture(dataclasses.replace(comparison, fem=fem), tmp_path)
+    above = saved[0].subfigs[0]
+    (image,) = above.axes[0].images
+    pulled, slightly, most = image.to_rgba(image.get_array()).reshape(84, 4)[[0, 1, 83]]
+    assert pulled[0] > 2 * pulled[1]  # red
+    np.testing.assert_allclose(slightly, image.cmap(0.0))
+    np.testing.assert_allclose(most, image.cmap(1.0))
+    labels = [axes.get_ylabel() for axes in above.axes]
+    assert "force on the texel [mN]; red: pulled, below zero" in labels

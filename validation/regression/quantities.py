@@ -351,7 +351,7 @@ def measure(
     readings: dict[str, Reading] = {}
     failures: dict[str, str] = {}
     for group, experiment in groups.items():
-        progress(group)
+        progress(f"{group} (made-up data)" if experiment.__module__ == made_up.__name__ else group)
         try:
             found = experiment(subject)
         except ValueError as error:  # All packages raise subclasses of ValueError for inputs that they cannot compute.

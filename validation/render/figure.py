@@ -19,7 +19,7 @@ import numpy as np
 from meshes import atomic_file
 from meshes.array_types import FloatArray
 from validation.extras import MissingExtraError
-from validation.render.image import MASKED, Scale
+from validation.render.image import LEAST_PULL, MASKED, PULLED, Scale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,8 +115,10 @@ def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale,
     from matplotlib.colors import LinearSegmentedColormap
 
     shown = np.where(array.active, scale.factor * np.asarray(values, dtype=np.float64), np.nan)
-    colours = LinearSegmentedColormap.from_list("texels", scale.colours).with_extremes(bad=MASKED)
+    colours = LinearSegmentedColormap.from_list("texels", scale.colours).with_extremes(bad=MASKED, under=PULLED)
     peak = scale.factor * scale.peak or 1.0
+    if not scale.difference:  # Smaller pulls have the colour of zero.
+        shown = np.where(shown < -LEAST_PULL * peak, shown, np.maximum(shown, 0))
     row = array.rows == 1
     drawn = axes.imshow(
         array.image(shown), origin="lower", aspect="auto" if row else array.pitch[1] / array.pitch[0], cmap=colours,

@@ -40,6 +40,8 @@ _FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9
 _DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c", "#97142a")
 #: Colour of texels that do not measure.
 MASKED = "#e6e6ea"
+#: Colour in figures of texels that the cover pulls, and least pull that is shown and told, over the largest force [-].
+PULLED, LEAST_PULL = "#e8432e", 0.01
 
 
 @dataclass(frozen=True, kw_only=True)

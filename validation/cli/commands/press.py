@@ -245,8 +245,12 @@ def _format_vector(values: FloatArray) -> str:
 def _explain_comparison(comparison: Comparison) -> Iterator[str]:
     """Yield sentences on the agreement of the two models, and on the accuracy of the finite elements."""
     from validation.campaign.results import texel_error
+    from validation.press_picture import is_pulled, list_images
 
     score, fem, fast = comparison.score, comparison.fem, comparison.fast
+    forces = [(name, each) for name, each in list_images(comparison) if name != "difference" and is_pulled(each)]
+    if pulled := ", ".join(f"{1e3 * each.min():.3g} mN ({name})" for name, each in forces):
+        yield f"Negative forces on texels, down to {pulled}: beside the touch the cover lifts and pulls at its base."
     if score is not None:
         share = score.misplaced_force
         yield (
