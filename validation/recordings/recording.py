@@ -268,7 +268,7 @@ class Recording:
         arrivals = self.host_monotonic
         if not arrivals.size or not arrivals.all():
             return np.empty(0)
-        delays = (arrivals - arrivals[0]) * NANOSECOND - self.times
+        delays = arrivals * NANOSECOND - self.times
         return np.asarray(delays - delays.min(), dtype=np.float64)
 
     @property

@@ -193,6 +193,17 @@ def test_counts_without_rest_are_zeroed_if_untouched_texels_read_noise_or_a_perc
         assert found.drift == (0.0, np.inf)
 
 
+def test_a_floor_without_enough_frames_is_that_of_the_steps_of_each_texel():
+    """Three frames at rest and three of an image; steps of 2 and 10 counts from frame to frame under load."""
+    wave = np.resize([1.0, -1.0], 20)
+    counts = 50 + np.outer(ON, [200, 300]) + np.outer(wave, [1.0, 5.0])
+    found = subtract_zero(TIMES, counts, ALL[:2], TIMES < 3)
+    floor = found.find_floor((TIMES > 7) & (TIMES < 11))
+    assert floor == pytest.approx(5 * 1.4826 * np.array([2, 10]) / 2**0.5 * np.sqrt(1 / 3 + 1 / 3))
+    one = subtract_zero(TIMES[7:8], counts[7:8], ALL[:2], np.zeros(1, dtype=bool), rest=np.empty((0, 2)))
+    assert one.find_floor(np.ones(1, dtype=bool)).tolist() == [0.0, 0.0]
+
+
 def step(rest, rise=0, load=30, *, rate=4.0, noise=1.0, size=100.0, drift=0.0):
     """Times and counts of four texels: rest, a linear rise and a load; two texels are pressed."""
     shape = np.concatenate([np.zeros(rest), np.arange(1, rise + 1) / (rise + 1), np.ones(load)])
@@ -455,6 +466,17 @@ def test_creep_and_the_threshold_enter_a_null_model_by_their_formulas():
         assert found == pytest.approx(factor * np.array([300, 150]) - 30)
         ratio = NULLS["heaviest image x load ratio"].fit(fitted, None, np.inf)(new)[0]  # knows no threshold
         assert ratio == pytest.approx(factor * 0.75 * np.array([370, 170]))
+
+
+@pytest.mark.parametrize(
+    ("warm", "applies"),
+    [((20.0, 30.0, 30.0), True), ((20.0, 20.0, 20.0), False), ((20.0, 30.0, NAN), False), ((NAN,) * 3, False)],
+)
+def test_a_temperature_per_texel_needs_two_known_ones_and_a_factor_per_texel_a_placing_image(warm, applies):
+    seen = see(np.outer(LOADS, [100.0, 50.0]), warm=warm)
+    for name, model in NULLS.items():
+        assert model.applies(seen, seen) == (applies or "temperature" not in name), name
+        assert model.applies(seen, None) == ((applies or "temperature" not in name) and "each scaled" not in name), name
 
 
 @pytest.mark.parametrize("band", [300.0, 900.0])
