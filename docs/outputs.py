@@ -35,6 +35,7 @@ QUICK = (
     "softcover materials --hardness 30",
     "softcover datasheet wts-0614-34",
     "softcover datasheet wts-0614-34 --compare sdh2-proximal takkstrip",
+    "softcover limits wts-0614-34 --noise 5mN --two 3.4mm",
     "softcover export wts-0614-34 --format urdf --mass 20g --out urdf",
     "softcover export wts-0614-34 --out parameters",
     "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --model fast",

@@ -15,4 +15,5 @@ from .api import (
     validate as validate,
 )
 from .moving.history import History as History
+from .resolution.verb import limits as limits
 from .results.report import read_report as read_report

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline, RectBivariateSpline
-from scipy.special import j0
+from scipy.special import j0, spherical_jn
 
 from meshes import Cover, Layer
 from meshes.array_types import FloatArray
@@ -271,7 +271,7 @@ def find_reach(cover: Cover) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TexelResponse:
-    """Share of a unit point load on the top of a wide cover that a rectangular texel receives.
+    """Share of a unit load on the top of a wide cover, at a point or round, that a rectangular texel receives.
 
     Attributes:
         half: Largest distance of the load from the texel's centre in the table, along x and y [m].
@@ -298,17 +298,19 @@ class TexelResponse:
         return out
 
 
-def tabulate_texel_response(cover: Cover, size: tuple[float, float]) -> TexelResponse:
-    """Tabulate the share of a unit point load that a texel receives, over the position of the load, within 1e-8.
+def tabulate_texel_response(cover: Cover, size: tuple[float, float], radius: float = 0.0) -> TexelResponse:
+    """Tabulate the share of a unit load that a texel receives, over the position of the load, within 1e-8.
 
     The pressure on the base times the texel's indicator function is one inverse Fourier transform of base(k)
-    sinc(kx a) sinc(ky b) 4 a b, with half edge lengths a and b.
+    sinc(kx a) sinc(ky b) 4 a b, with half edge lengths a and b.  The load is a point force or the pressure of Hertz on
+    a circle, whose transform is 3 j1(k radius) / (k radius).
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
         size: Edge lengths of the texel along x and y [m].
+        radius: Radius of the loaded circle, 0 for a point [m].
     """
-    reach = find_reach(cover)
+    reach = find_reach(cover) + radius
     half = tuple(edge / 2 + reach for edge in size)
     count = [
         min(_INFLUENCE.most_points, 2 * int(np.ceil(each * _INFLUENCE.resolution / cover.thickness))) for each in half
@@ -317,7 +319,9 @@ def tabulate_texel_response(cover: Cover, size: tuple[float, float]) -> TexelRes
     kx, ky = (2 * np.pi * np.fft.fftfreq(n, d) for n, d in zip(count, spacing, strict=True))
     ky = np.abs(ky[: count[1] // 2 + 1])
     radial = np.linspace(0.0, float(np.hypot(np.abs(kx).max(), ky.max())), 6000)
-    base = CubicSpline(radial, transfer(cover, np.minimum(radial, 60.0 / cover.thickness)).base)
+    base = CubicSpline(
+        radial, transfer(cover, np.minimum(radial, 60.0 / cover.thickness)).base * _transform(radial * radius)
+    )
     spectrum = base(np.hypot(kx[:, None], ky)) * np.outer(
         size[0] * np.sinc(kx * size[0] / (2 * np.pi)), size[1] * np.sinc(ky * size[1] / (2 * np.pi))
     )
@@ -327,3 +331,8 @@ def tabulate_texel_response(cover: Cover, size: tuple[float, float]) -> TexelRes
     index = [np.arange(-4, n // 2 + 1) % n for n in count]
     table = RectBivariateSpline(axes[0], axes[1], share[np.ix_(*index)], kx=5, ky=5)
     return TexelResponse(half=(float(axes[0][-1]), float(axes[1][-1])), table=table)
+
+
+def _transform(product: FloatArray) -> FloatArray:
+    """Return the transform of the pressure of Hertz over its force, at wave number times radius, shape (m,) [-]."""
+    return np.where(product > 0, 3 * spherical_jn(1, product) / np.where(product > 0, product, 1.0), 1.0)

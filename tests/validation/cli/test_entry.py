@@ -25,6 +25,9 @@ SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--fric
     "--budget",
     "--older-than",
     "--step",
+    "--noise",
+    "--two",
+    "--radius",
 }
 
 
@@ -84,6 +87,7 @@ def test_unwritable_out_is_found_before_the_work(softcover, command, without_ref
         "doctor",
         "datasheet sdh2-distal",
         "export wts-0614-34",
+        "limits sdh2-distal --noise 5mN",
         "view wts-0614-34 --indenter tip --load 1N --seconds 0.1",
     ],
 )

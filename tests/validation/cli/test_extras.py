@@ -33,6 +33,7 @@ regress WTS --update | fem
 export WTS --thickness 1mm | fem
 view WTS BALL --thickness 1mm | fem
 datasheet WTS --thickness 1mm | fem
+limits WTS | fem
 calibrate a.mcap --sensor WTS --picture left-out.png | device,report,fem
 calibrate data.toml --sensor WTS --picture left-out.png | device,report,fem
 replay a.mcap | device

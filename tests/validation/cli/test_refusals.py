@@ -67,6 +67,16 @@ datasheet WTS --out sheet.pdf | sheet.pdf is neither .md nor .html
 validate WTS --recordings nowhere | nowhere: no such folder
 validate WTS --measured gelsight | did you mean 'gelsight-mini'
 validate WTS --measured gelsight-mini --quick | leave out all options but --json
+limits WTS --load 0N | --load: must be positive
+limits WTS --load 3 | --load: '3' has no unit
+limits WTS --noise=-5mN | --noise: must be positive
+limits WTS --noise 5mm | is not a unit of force
+limits WTS --two 5m | --two: must be at most
+limits WTS --radius=-1mm | --radius: must not be negative
+limits WTS --thicknesses 6mm:1mm | --thicknesses: '6mm:1mm' must rise
+limits WTS --thicknesses 3mm | is not FROM:TO
+limits fingertip --thicknesses 1mm:2mm | --thicknesses: the curve is computed for flat covers
+limits WTS --picture map.pdf | map.pdf is neither .png nor .svg
 materials dragonskn-30 | did you mean 'dragon-skin-30'
 materials --hardness 90 | --hardness: the relations hold for 20..80 Shore A
 materials --hardness soft | --hardness: 'soft' is not a hardness
