@@ -78,11 +78,12 @@ def test_repeats_of_one_load_in_one_place_scatter_about_their_own_mean():
     Alone stand another load, and two images of one recording; images without counts have no ratio.
     """
     sums = [90.0, 110.0, 100.0, 120.0, 140.0, 500.0, 70.0, 30.0, 0.0, 100.0]
-    counts = np.column_stack([sums, np.full(10, 999.0)])
+    right = np.where(np.arange(10) % 2, 50.0, 100.0)  # as of two temperatures
+    counts = np.column_stack([sums * right / 100, np.full(10, 999.0)])
     seen = see([1, 1, 2, 2, 2, 3, 4, 4, 1, 1], counts=counts, places="aaaaaaaaab",
                groups=["1", "2", "3", "4", "5", "6", "7", "7", "8", "9"],
                measured=np.tile([True, False], (10, 1)))  # fmt: skip
-    fit = SimpleNamespace(observations=seen, predict=lambda each: np.full(each.counts.shape, 100.0))
+    fit = SimpleNamespace(observations=seen, predict=lambda each: np.outer(right[-len(each.loads) :], [1.0, 1.0]))
     found = measure_scatter(fit, [1.0, 2.0, 3.0])
     assert set(found) == {"noise", "hysteresis"}
     square = 2 * 0.1**2 + 2 * (0.2 / 1.2) ** 2
