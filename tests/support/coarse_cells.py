@@ -12,7 +12,7 @@ import pytest
 
 #: Settings that cost most, by module.
 COARSE = {
-    "press": {"cells": (14, 20, 29), "rough": 20, "rubbing": ((24, 8), (16, 4))},
+    "press": {"cells": (20, 30, 44), "rough": 30, "rubbing": ((24, 8), (16, 4))},
     "local_contact": {"first_cells": 16, "searched": 41, "sampled": 21},
 }
 
