@@ -15,7 +15,7 @@ from validation.errors import InputError, refuse_existing
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import check_writable, make_file_name, new_folder, optional_folder, write_text
 from validation.parameters import find_parameters, holds_parameters
-from validation.sensor_file import BUILT_IN, SensorDescription
+from validation.sensor_file import BUILT_IN, CURVED, PUBLISHED, SensorDescription
 from validation.sensor_file import load as load_description
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def load(
         OSError: If the file exists and cannot be read.
     """
     if not holds_parameters(str(sensor)):
-        if Path(sensor).is_dir():
+        if str(sensor) not in {*BUILT_IN, *PUBLISHED, *CURVED} and Path(sensor).is_dir():
             raise InputError(
                 f"{sensor}: `softcover derive --out` did not write this folder; name one that it wrote, or a file"
             )

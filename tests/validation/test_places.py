@@ -156,7 +156,7 @@ def test_the_place_on_a_fingertip_is_pressed_along_its_normal(places):
 
 def test_the_default_campaign_presses_three_directions_and_scales_its_loads(small_pad, solid_places):
     campaign = read_campaign(None, solid_places)
-    assert (len(campaign.cases), len(campaign.quick), campaign.left_out) == (16, 6, ())
+    assert (len(campaign.cases), len(campaign.quick), campaign.left_out) == (18, 7, ())
     stiff = dataclasses.replace(small_pad.cover.layers[0].material, parameters={"youngs_modulus": 4e6})
     cover = dataclasses.replace(
         small_pad.cover, layers=(dataclasses.replace(small_pad.cover.layers[0], material=stiff),)

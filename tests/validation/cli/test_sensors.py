@@ -5,7 +5,7 @@ import pytest
 import fastmodel
 from validation.cli.options import CoverChanges, read_sensor
 from validation.parameters import find_parameters
-from validation.sensor_file import BUILT_IN
+from validation.sensor_file import BUILT_IN, CURVED
 
 
 @pytest.fixture
@@ -38,3 +38,5 @@ def test_a_built_in_name_means_the_sensor_even_beside_such_a_folder(folder, monk
     folder.rename("wts-0614-34")
     assert read_sensor("wts-0614-34") is BUILT_IN["wts-0614-34"]
     assert read_sensor("./wts-0614-34").array.name == "mine"
+    (folder.parent / "phalanx").mkdir()
+    assert read_sensor("phalanx", any_cover=True).cover is CURVED["phalanx"].cover
