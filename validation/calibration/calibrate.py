@@ -292,7 +292,7 @@ def calibrate(
         poses=_list_poses(fit, uncertainty),
         residual_rms_counts=fit.rms,
         polynomial=_fit_polynomial(fit, mean),
-        hold_out=score_hold_out(fit, full_scale or float(observations.counts[observations.measured].max())),
+        hold_out=score_hold_out(fit, full_scale or observations.largest_count),
         notes=(*describe_fit(fit), *([left_out_error] * (method.gain_error > 0)), about_cover),
         reference_age=fit.curve.reference_age,
     )
@@ -308,8 +308,7 @@ def fit_characteristic(
     bent = fit_forward(method, observations, replace(options, output_max=None))
     size = int(observations.measured.sum())
     gain = 2 * size * np.log(max(straight.rms, 1e-9) / max(bent.rms, 1e-9))
-    largest = float(observations.counts[observations.measured].max())
-    credible = bent.curve.output_max < NUMBERS.largest_extrapolation * largest
+    credible = bent.curve.output_max < NUMBERS.largest_extrapolation * observations.largest_count
     return bent if credible and gain > NUMBERS.evidence + 2 * np.log(size) else straight
 
 

@@ -321,7 +321,7 @@ def _list_curve(fixed: CountCurve, observations: Observations, options: Options)
         unknowns.append(Unknown(name="gain_temperature", start=0.0, scale=0.01, spread=gain))
         unknowns.append(Unknown(name="dead_temperature", start=0.0, scale=0.1 * dead, spread=dead))
     if options.output_max is None:
-        top = float(observations.counts[observations.measured].max())
+        top = observations.largest_count
         unknowns.append(
             Unknown(name="output_max", start=fixed.output_max, scale=0.1 * top, lower=0.9 * top, upper=1e3 * top)
         )

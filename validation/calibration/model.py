@@ -120,6 +120,11 @@ class Observations:
         return np.asarray(self.measured & (self.counts > (self.floors if len(self.floors) else 0.0)))
 
     @property
+    def largest_count(self) -> float:
+        """Largest count of a texel that was measured [-]."""
+        return float(self.counts[self.measured].max())
+
+    @property
     def distinct_placements(self) -> tuple[Placement, ...]:
         """All different placements of the images, in the order of the images."""
         return tuple(dict.fromkeys(self.placements))
