@@ -1,4 +1,4 @@
-"""Types of numpy arrays of 64-bit floats, 64-bit integers and booleans, for annotations."""
+"""Types of numpy arrays for annotations, and two functions for checks of arguments and their messages."""
 
 import numpy as np
 import numpy.typing as npt

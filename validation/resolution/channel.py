@@ -1,9 +1,9 @@
 """What one count tells about the force on a texel: noise, dead zone, rounding, saturation, gains.
 
-The electronics of `fastmodel` are evaluated, never written again: the smallest force of every count is found by
-bisection.  A count then says that force plus Gaussian noise lies between two such edges.  Where the noise exceeds half
-a count, rounding acts as further noise of variance (one count)^2 / 12 (Widrow and Kollar, Quantization Noise, 2008,
-chapter 4); where it does not, probabilities of counts are exact.
+The electronics are those of `fastmodel`; the smallest force of every count is found by bisection on them.  A count
+then says that force plus Gaussian noise lies between two such edges.  Where the noise exceeds half a count, rounding
+acts as further noise of variance (one count)^2 / 12 (Widrow and Kollar, Quantization Noise, 2008, chapter 4); where it
+does not, probabilities of counts are exact.
 """
 
 from __future__ import annotations
@@ -99,6 +99,11 @@ class Channel:
         inner = self.edges[np.isfinite(self.edges).all(axis=1)]
         return float(np.median(np.diff(inner, axis=0))) if len(inner) > 1 else 0.0
 
+    @property
+    def spread(self) -> float:
+        """Standard deviation of noise and rounding together [N]."""
+        return math.hypot(self.noise, self.usual_step / math.sqrt(12))
+
     def is_lit(self, forces: FloatArray, among: IntArray | None = None) -> BoolArray:
         """Return whether each texel lies three standard deviations above its threshold and below saturation.
 
@@ -110,7 +115,7 @@ class Channel:
         return np.asarray((forces > np.maximum(edges[1], 0.0) + _LIT * self.noise) & (forces < edges[-2]))
 
     def is_shown(self, forces: FloatArray) -> BoolArray:
-        """Return whether frames may show forces: each is no small part of the noise, and not surely below a count."""
+        """Return which forces a frame can show: above 2 % of the noise, and within 10 noises of the first count."""
         return np.asarray(forces > np.maximum(_NEGLIGIBLE * self.noise, self.edges[1] - _FAR * self.noise))
 
     def information(self, forces: FloatArray) -> FloatArray:
@@ -191,9 +196,8 @@ class Channel:
         Args:
             shares: Force on each of n texels per unit force of the touch, shape (n,) [-].
         """
-        spread = math.hypot(self.noise, self.usual_step / math.sqrt(12))
         seen = (self.edges[1] < -_LIT * self.noise).all() and self.noise >= self.usual_step / 2
-        weighted = (ndtri(1 - FALSE_ALARMS) + ndtri(HITS)) * spread / np.linalg.norm(shares) if seen else np.inf
+        weighted = (ndtri(1 - FALSE_ALARMS) + ndtri(HITS)) * self.spread / np.linalg.norm(shares) if seen else np.inf
         if self.electronics is None:
             return float(weighted)
         repeat = len(shares) if self.edges.shape[1] == 1 else 1

@@ -18,6 +18,7 @@ import numpy as np
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover, SolidCover
 from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.layer import scale_layers
 from validation.errors import InputError
 from validation.parameters import find_parameters
 from validation.places import find_middle
@@ -168,8 +169,11 @@ class Study:
 
     def judge(self, forces: FloatArray, errors: FloatArray) -> BoolArray:
         """Return at which places the bound counts, from forces (k, n) [N] and errors along x and y (k, 2) [m]."""
-        lit = self.channel.is_lit(forces).sum(axis=1) >= _LIT
-        return np.asarray(lit & (errors < _SHARP * self.pitch).all(axis=1))
+        return np.asarray(self._lights_enough(forces) & (errors < _SHARP * self.pitch).all(axis=1))
+
+    def _lights_enough(self, forces: FloatArray) -> BoolArray:
+        """Return at which places three texels are lit, from forces (k, n) [N]."""
+        return np.asarray(self.channel.is_lit(forces).sum(axis=1) >= _LIT)
 
     def sample(self, truths: FloatArray, half: FloatArray, frames: int, *, known: bool, seed: int = 0) -> FloatArray:
         """Return the mean variance of the posterior of x, y [m2] and force [N2] over frames, shape (3,).
@@ -233,7 +237,7 @@ class Study:
         line = (np.arange(_FORCES) + 0.5) / _FORCES
         if not np.isfinite(lit).any():
             return np.tile(_HEAVIEST * self.load * line, (len(shares), 1)), np.zeros((len(shares), _FORCES))
-        texel, spread = int(np.argmax(lit)), math.hypot(self.channel.noise, self.channel.usual_step / math.sqrt(12))
+        texel, spread = int(np.argmax(lit)), self.channel.spread
         share = np.maximum(shares[:, [texel]], _LEAST_SHARE)
         forces = (exact[texel] + _WIDE * spread * (2 * line - 1)) / share
         possible = (forces > 0) & (forces < _HEAVIEST * self.load)
@@ -301,7 +305,7 @@ class Study:
         return deviation, self._resolve(forces, deviation, self.radius)
 
     def _resolve(self, forces: FloatArray, deviation: FloatArray, value: float) -> BoolArray:
-        return np.asarray((self.channel.is_lit(forces).sum(axis=1) >= _LIT) & (deviation < value))
+        return np.asarray(self._lights_enough(forces) & (deviation < value))
 
     def _invert(self, slopes: FloatArray, forces: FloatArray, scale: FloatArray) -> FloatArray:
         """Invert the Fisher matrices of the counts, shape (k, p, p); inf where they are singular.
@@ -451,8 +455,4 @@ def _scale(cover: Cover | SolidCover, thicknesses: Sequence[float]) -> list[Cove
         return []
     if not isinstance(cover, Cover):
         raise InputError("--thicknesses: the curve is computed for flat covers; leave it out, and mesh other covers")
-    factors = [thickness / cover.thickness for thickness in thicknesses]
-    return [
-        replace(cover, layers=tuple(replace(each, thickness=factor * each.thickness) for each in cover.layers))
-        for factor in factors
-    ]
+    return [replace(cover, layers=scale_layers(cover.layers, thickness)) for thickness in thicknesses]
