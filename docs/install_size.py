@@ -37,6 +37,7 @@ PURPOSE = {
     "gym": "Gymnasium wrapper",
     "torch": "contact and signal chain on arrays of PyTorch (PyTorch itself not included)",
     "view": "`press --out`: `fields.vtu`",
+    "sweep": "many designs on several processors or a cluster: `sweep --workers`, `sweep --out`",
     "all": "all of these but `docs` and `test`",
     "test": "tests, linters, types",
 }

@@ -20,7 +20,7 @@ PAGE = Path(__file__).resolve().parent / "licences.md"
 #: Lines of the page between which the table stands.
 BEGIN, END = "<!-- licences: begin -->", "<!-- licences: end -->"
 #: Extras in the order of the table; a package stands at the first that brings it.
-EXTRAS = ("", "fem", "curved", "report", "device", "gym", "torch", "view", "docs", "test")
+EXTRAS = ("", "fem", "curved", "report", "device", "gym", "torch", "view", "sweep", "docs", "test")
 #: Longest text of the field `License` that is taken for the name of a licence; others are the licence itself.
 _LONGEST_NAME = 60
 

@@ -36,6 +36,7 @@ QUICK = (
     "softcover datasheet wts-0614-34",
     "softcover datasheet wts-0614-34 --compare sdh2-proximal takkstrip",
     "softcover limits wts-0614-34 --noise 5mN --two 3.4mm",
+    'softcover sweep sweep.toml --wish "place_x_force_known < 400 um"',
     "softcover export wts-0614-34 --format urdf --mass 20g --out urdf",
     "softcover export wts-0614-34 --out parameters",
     "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --model fast",
@@ -70,7 +71,7 @@ OF_THIS_MACHINE = (
 #: Lines of progress, which depend on the speed of the machine and on what is in the store.
 _PROGRESS = re.compile(
     r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^all reference solutions .*\n?|^the result store .*\n?|^.*ompil.*\n?"
-    r"|^ *[\d.]+ s  \d+ frames.*\n?",
+    r"|^ *[\d.]+ s  \d+ frames.*\n?|^\d+ designs: .*\n?|^one design takes .*\n?",
     flags=re.MULTILINE,
 )
 #: Keys of stored results, which depend on the version of the code.
@@ -116,7 +117,9 @@ def join_streams(error: str, output: str) -> str:
 
 
 def write_recordings(folder: Path) -> None:
-    """Write recordings of the built-in sensor's fast model with 1500 counts per newton under four known weights."""
+    """Write a sweep file, and recordings of a built-in sensor with 1500 counts per newton under four known weights."""
+    text = 'sensor = "wts-0614-34"\nmeasure = "limits"\n[designs]\n"cover.layer[0].thickness" = "1 mm : 3 mm : 3"\n'
+    (folder / "sweep.toml").write_text(text)
     sensor = fastmodel.load("wts-0614-34")
     labels = "# rows = 14\n# columns = 6\n# pitch = 0.0034\n# full_scale = 4095\n# indenter = box:size=10mmx10mmx5mm\n"
     for newton in (1, 2, 3, 4):

@@ -17,3 +17,4 @@ from .api import (
 from .moving.history import History as History
 from .resolution.verb import limits as limits
 from .results.report import read_report as read_report
+from .sweep.verb import sweep as sweep

@@ -84,7 +84,7 @@ def load_any(sensor: Sensor) -> SensorDescription | Parameters:
     return load(sensor) if isinstance(sensor, str | Path) else sensor
 
 
-class _Stages:
+class Stages:
     """Display of the progress of a long computation by a function of the caller.
 
     Args:
@@ -98,9 +98,11 @@ class _Stages:
         self._step = getattr(progress, "step", None)
 
     def __call__(self, stage: str) -> None:
+        """Show that a stage begins."""
         self._progress(stage)
 
     def step(self, done: int, total: int, name: str) -> None:
+        """Show that `done` of `total` items are finished and that the item `name` comes next."""
         if self._step is not None:
             self._step(done, total, name)
         else:
@@ -328,7 +330,7 @@ def validate(
     )
     from validation.campaign.evaluation import evaluate, evaluate_recordings, read_plan
 
-    shown = _Stages(progress)
+    shown = Stages(progress)
     plan = read_plan(None if campaign is None else Path(campaign), description, shown)
     with optional_folder(out) as folder:
         if only_recordings and data is not None:
@@ -402,7 +404,7 @@ def regress(
     if not isinstance(found, Parameters):
         way_out = f"check the stored parameters: softcover export {found.name} --out FOLDER, softcover regress FOLDER"
         require("skfem", otherwise=way_out if found is BUILT_IN.get(found.name) else "")
-    return check_sensor(found, Path(baseline), update=update, seed=seed, progress=_Stages(progress))
+    return check_sensor(found, Path(baseline), update=update, seed=seed, progress=Stages(progress))
 
 
 def fit_filter(

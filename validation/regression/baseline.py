@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from validation.campaign.evaluation import Progress
 
 #: Packages whose versions a baseline states, because values depend on them.
-_PACKAGES = ("softcover", "mujoco", "numba", "numpy", "scipy")
+PACKAGES = ("softcover", "mujoco", "numba", "numpy", "scipy")
 #: Smallest tolerance of a number, in its unit.  It allows for rounding where the number is zero.
 _LEAST = 1e-9
 _OPTION = "--baseline"
@@ -115,7 +115,7 @@ class Change:
 
 def make_baseline(sensor: str, readings: Mapping[str, Reading]) -> Baseline:
     """Make a baseline of measured readings, with the versions of the packages that are installed."""
-    return Baseline(sensor=sensor, versions={name: version(name) for name in _PACKAGES}, readings=readings)
+    return Baseline(sensor=sensor, versions={name: version(name) for name in PACKAGES}, readings=readings)
 
 
 def read_baseline(path: Path, sensor: str) -> Baseline:

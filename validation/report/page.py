@@ -629,6 +629,26 @@ def write_report(evaluation: RecordingEvaluation, folder: Path) -> None:
         OSError: If the folder cannot be written.
     """
     require(*REPORT_MODULES)
+    shown = contents(evaluation)
+    if isinstance(evaluation, Evaluation):
+        shown |= _show_campaign(evaluation, draw_cases(evaluation.derivation, evaluation, folder))
+        (folder / "scores.csv").write_text(tabulate_scores(evaluation.campaign).to_csv(), encoding="utf-8")
+        evaluation.derivation.parameters.save(folder)
+    render_page("index.html.j2", shown, folder)
+    (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
+
+
+def render_page(template: str, shown: Mapping[str, Any], folder: Path) -> None:
+    """Write `index.html` and what it loads into a folder.
+
+    Args:
+        template: Name of the template of the page.
+        shown: Values that the template shows, by name.
+        folder: An existing folder.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     assets = resources.files("validation.report").joinpath("assets")
@@ -639,13 +659,6 @@ def write_report(evaluation: RecordingEvaluation, folder: Path) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    template = environment.get_template("index.html.j2")
-    shown = contents(evaluation)
-    if isinstance(evaluation, Evaluation):
-        shown |= _show_campaign(evaluation, draw_cases(evaluation.derivation, evaluation, folder))
-        (folder / "scores.csv").write_text(tabulate_scores(evaluation.campaign).to_csv(), encoding="utf-8")
-        evaluation.derivation.parameters.save(folder)
-    (folder / "index.html").write_text(template.render(shown), encoding="utf-8")
+    (folder / "index.html").write_text(environment.get_template(template).render(shown), encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
-    (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")

@@ -21,11 +21,13 @@ from validation.schema.campaign import CampaignTables
 from validation.schema.data_set import DataSetTables
 from validation.schema.measured_force import Measurement
 from validation.schema.sensor import SensorTables
+from validation.schema.sweep import SweepTables
 
 #: Class of the tables of each file format, by name of the file with its JSON Schema.
 FORMATS: Mapping[str, type[Table]] = {
     "sensor": SensorTables,
     "campaign": CampaignTables,
+    "sweep": SweepTables,
     "data-set": DataSetTables,
     "measured-force": Measurement,
     "baseline": BaselineTables,

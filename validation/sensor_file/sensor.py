@@ -24,7 +24,7 @@ from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import make_swept_cover
 from validation.errors import InputError, at, nearest
 from validation.schema import parse as parse_tables
-from validation.schema import read
+from validation.schema import read, read_raw
 from validation.schema.sensor import ArrayTable, CurvedCoverTable, SensorTables
 
 #: Largest accepted size of a file of texel positions [bytes]: 200 for each texel.
@@ -210,6 +210,34 @@ def load(
 
     cover = change_cover(description.cover, material=material, thickness=thickness, layers=layers)
     return dataclasses.replace(description, cover=cover)
+
+
+def read_tables(sensor: str | Path) -> dict[str, Any]:
+    """Read the tables of a sensor file without a check, or make those of a built-in sensor with planar layers.
+
+    Args:
+        sensor: Path of a sensor file, or a name in `BUILT_IN` or `PUBLISHED`.
+
+    Raises:
+        InputError: If there is no such file or sensor.
+        OSError: If the file exists and cannot be read.
+    """
+    if (found := BUILT_IN.get(str(sensor))) is None:
+        path = _PUBLISHED / f"{sensor}.toml" if str(sensor) in PUBLISHED else Path(sensor)
+        return read_raw(path, SensorTables, hint=f"or built-in sensor; {nearest(str(sensor), (*BUILT_IN, *PUBLISHED))}")
+    array, electronics, cover = found.array, found.electronics, found.layered_cover
+    stuff, keys = cover.layers[0].material, ("name", "model", "poisson_ratio", "source", "spread")
+    material = {name: getattr(stuff, name) for name in keys}
+    material["youngs_modulus"] = f"{stuff.parameters['youngs_modulus']!r} Pa"
+    same = ("sensitivity", "offset", "output_max", "bits", "calibrated")
+    return {
+        "name": found.name,
+        "array": {"rows": array.rows, "columns": array.columns, "pitch": [f"{each!r} m" for each in array.pitch]}
+        | {"mask": ["".join(map(str, row)) for row in array.image(array.active).astype(int)]},
+        "cover": {"assumed": True, "layer": [{"thickness": f"{cover.thickness!r} m", "material": material}]},
+        "electronics": {name: getattr(electronics, name) for name in same}
+        | {"rate": f"{electronics.rate_hz!r} Hz", "sensitivity": f"{electronics.sensitivity!r} 1/N"},
+    }
 
 
 def read_template() -> str:

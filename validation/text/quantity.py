@@ -103,6 +103,25 @@ def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", j
     return tuple(read_quantity(part, kind, place=place) for part in parts)
 
 
+def split_quantity(text: str) -> tuple[float, str] | None:
+    """Split a text into a number and what follows it, its unit; None if it does not begin with a number."""
+    match = _NUMBER.match(text.strip()[:LONGEST])
+    return match and (float(match[1]), text.strip()[match.end() :].strip())
+
+
+@functools.lru_cache(maxsize=256)
+def find_factor(unit: str, wanted: str) -> float | None:
+    """Return the factor from one unit to another; None if they differ in kind.  Equal names need not be known units."""
+    if unit == wanted:
+        return 1.0
+    if not (_UNIT.fullmatch(unit) and _UNIT.fullmatch(wanted)):
+        return None
+    try:
+        return float(_registry().Quantity(1.0, unit).to(wanted).magnitude)
+    except Exception:  # noqa: BLE001 -- as in `_factor`
+        return None
+
+
 def format_time(seconds: float) -> str:
     """Return a time in whole seconds below 100 s, else in whole minutes."""
     return f"{max(seconds, 1):.0f} s" if seconds < _LONG else f"{seconds / 60:.0f} min"

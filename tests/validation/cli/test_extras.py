@@ -76,7 +76,7 @@ def without_extras(monkeypatch, without_reference):
 def test_every_optional_package_has_its_extra():
     declared = {
         (extra, MODULES.get(name, name))
-        for extra in ("fem", "curved", "report", "device", "gym", "view")
+        for extra in ("fem", "curved", "report", "device", "gym", "view", "sweep")
         for line in PROJECT["project"]["optional-dependencies"][extra]
         if (name := line.split(">")[0]) not in WITHOUT
     }
