@@ -49,6 +49,7 @@ QUICK = (
     "softcover replay touch.mcap",
     "softcover import touch.mcap --load 500g --out labelled.mcap",
     "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv --sensor wts-0614-34",
+    "softcover calibrate --sensor wts-0614-34 --next 4 --noise 5mN --plan touches",
     "softcover store list",
     "softcover doctor",
 )

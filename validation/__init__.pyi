@@ -14,6 +14,7 @@ from .api import (
     replay as replay,
     validate as validate,
 )
+from .calibration.touch_protocol import next_touches as next_touches
 from .moving.history import History as History
 from .resolution.verb import limits as limits
 from .results.report import read_report as read_report

@@ -150,6 +150,8 @@ class Calibration(Result):
         left_out: One sentence for each recording that could not be used, whose counts were turned or drift, or whose
             label is in doubt.
         reference_age: Time under load at which the line and the polynomial hold [s].
+        touches: Place, load and radius of a circle with the area of the face for each of m images, shape (m, 4) [m, m,
+            N, m]; the radius is NaN under a face that is not flat.
     """
 
     confidence: float
@@ -169,6 +171,7 @@ class Calibration(Result):
     )
     left_out: tuple[str, ...] = ()
     reference_age: float = CREEP_START
+    touches: Array = Field(default_factory=lambda: np.empty((0, 4)), exclude=True)
 
     def electronics(self, *, polynomial: bool = False) -> dict[str, Any]:
         """Return keys and values for the table `[electronics]` of a sensor file.
@@ -258,8 +261,7 @@ def calibrate(
     # The gains of the pressed texels are scaled to the mean 1; the sensitivity absorbs their mean.
     texels = _find_pressed(fit)
     places = fit.layout.gains[np.isin(fit.layout.gain_texels, texels)]
-    values = fit.curve.gains[texels]
-    mean = _find_mean_gain(fit, texels)
+    values, mean = fit.curve.gains[texels], _find_mean_gain(fit, texels)
     # Derivatives of the logarithm of the mean gain with respect to the fitted parameters.
     of_mean = np.zeros(len(fit.vector))
     of_mean[places] = values / (max(len(texels), 1) * mean)
@@ -295,7 +297,19 @@ def calibrate(
         hold_out=score_hold_out(fit, full_scale or observations.largest_count),
         notes=(*describe_fit(fit), *([left_out_error] * (method.gain_error > 0)), about_cover),
         reference_age=fit.curve.reference_age,
+        touches=_list_touches(fit),
     )
+
+
+def _list_touches(fit: ForwardFit) -> FloatArray:
+    """List place, load and radius of each image, shape (m, 4) [m, m, N, m]."""
+    seen = fit.observations
+    rows = []
+    for load, each in zip(seen.loads, seen.placements, strict=True):
+        pose = each.pose or fit.poses[each.name]
+        radius = math.sqrt(math.prod(each.indenter.footprint) * 4 / math.pi) if each.indenter.is_flat else math.nan
+        rows.append([pose.x, pose.y, load, radius])
+    return np.array(rows)
 
 
 def fit_characteristic(

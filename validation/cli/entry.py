@@ -87,7 +87,7 @@ _NEXT = {
     "record": "softcover replay FILE shows the recording; softcover calibrate FILES --sensor SENSOR fits the sensor",
     "replay": "softcover calibrate {0} --sensor SENSOR fits the sensor, if the load is known",
     "import": "softcover calibrate FILES --sensor SENSOR fits the sensor",
-    "calibrate": "softcover datasheet FILE shows what the sensor file states now that --out FILE writes",
+    "calibrate": "softcover datasheet FILE shows the file that --out writes; --next N plans further touches",
 }
 #: Module and function in the folder `commands`, as `module:function`, for each command whose module or function has
 #: another name than the command.

@@ -9,6 +9,7 @@ does not, probabilities of counts are exact.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -17,9 +18,11 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr, ndtri
 
-from fastmodel.signal.electronics import Electronics
+from fastmodel.signal.electronics import TEXEL_FORCE, Electronics
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from validation.errors import InputError
+from validation.parameters import find_parameters
+from validation.sensor_file import SensorDescription
 
 #: Share of false alarms in which a touch is reported at rest, and of touches that are found [-].
 FALSE_ALARMS, HITS = 1e-3, 0.9
@@ -230,6 +233,20 @@ def make_channel(electronics: Electronics, noise: float | None, active: BoolArra
     if sigma:
         return Channel(noise=sigma / gain, electronics=silent), False
     return Channel(noise=Channel(noise=1e-9, electronics=silent).usual_step, electronics=silent), True
+
+
+def find_channel(
+    sensor: SensorDescription, noise: float | None, progress: Callable[[str], None] | None = None
+) -> tuple[Channel, bool]:
+    """Prepare the channel of a sensor with `make_channel`; the share under its tip is computed where it is not stated.
+
+    Raises:
+        ConvergenceError: If finite elements are needed and did not converge.
+    """
+    electronics = sensor.electronics
+    if electronics.calibrated != TEXEL_FORCE and electronics.tip_share is None:
+        electronics = find_parameters(sensor, progress).electronics
+    return make_channel(electronics, noise, sensor.array.active)
 
 
 def _density(u: FloatArray) -> FloatArray:

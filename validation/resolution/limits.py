@@ -15,14 +15,12 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover, SolidCover
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.layer import scale_layers
 from validation.errors import InputError
-from validation.parameters import find_parameters
 from validation.places import find_middle
-from validation.resolution.channel import Channel, make_channel
+from validation.resolution.channel import Channel, find_channel
 from validation.resolution.touches import Touches, find_touches
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
@@ -412,10 +410,7 @@ def find_limits(
     """
     cover, array = sensor.cover, sensor.array
     covers = _scale(cover, thicknesses)
-    electronics = sensor.electronics
-    if electronics.calibrated != TEXEL_FORCE and electronics.tip_share is None:
-        electronics = find_parameters(sensor, progress).electronics
-    counted, assumed = make_channel(electronics, noise, array.active)
+    counted, assumed = find_channel(sensor, noise, progress)
     ideal = Channel(noise=counted.noise)
     middle = find_middle(array)
     place = int(np.searchsorted(np.flatnonzero(array.active), middle))

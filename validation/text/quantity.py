@@ -78,6 +78,20 @@ def read_quantity(value: object, kind: Kind, *, place: str = "", example: str = 
     return number
 
 
+def read_positive(text: str, kind: Kind, most: float, *, place: str, zero: bool = False) -> float:
+    """Parse a quantity that must be positive, or with `zero` not negative, and at most `most` in SI units.
+
+    Raises:
+        InputError: For the faults of `read_quantity`, or outside this range.
+    """
+    number = read_quantity(text, kind, place=place)
+    if number < 0 or (number == 0 and not zero):
+        raise InputError(f"{place}: must {'not be negative' if zero else 'be positive'}, not {text!r}")
+    if number > most:
+        raise InputError(f"{place}: must be at most {most:g} {_EXAMPLES[kind][0]}, not {text!r}")
+    return number
+
+
 def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", joint: str = ",") -> tuple[float, ...]:
     """Parse several quantities of one kind, joined by `x` or `,`, such as `10mmx10mmx5mm` or `0.7mm,-1.1mm`.
 

@@ -24,6 +24,8 @@ SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--fric
     "--tip",
     "--budget",
     "--older-than",
+    "--place-error",
+    "--shift-error",
     "--step",
     "--noise",
     "--two",

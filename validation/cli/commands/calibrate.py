@@ -3,24 +3,67 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from validation.cli import options, output
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
     from validation.calibration.point_load import PointLoadCalibration
     from validation.calibration.step_response import StepResponse
+    from validation.sensor_file import SensorDescription
 
 #: Built-in sensor whose published line is printed beside the fitted one.
 _PUBLISHED = "wts-0614-34"
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class NextTouches:
+    """Options that plan touches: `--next` and those that need it."""
+
+    next: Annotated[
+        int | None,
+        Parameter(metavar="NUMBER", help="Plan this number of touches, after the recordings if there are any."),
+    ] = None
+    load: Annotated[options.Force | None, Parameter(help="Force of each planned touch; 1N if not given.")] = None
+    radius: Annotated[
+        options.Length | None, Parameter(help="Radius of the circle that the tool loads, e.g. 2mm; 1mm if not given.")
+    ] = None
+    noise: Annotated[
+        options.Force | None,
+        Parameter(help="Standard deviation of the noise of a texel's force; that of the sensor, or one count."),
+    ] = None
+    place_error: Annotated[
+        options.Length | None, Parameter(help="Standard deviation of each place per axis; 0.1mm if not given.")
+    ] = None
+    shift_error: Annotated[
+        options.Length | None, Parameter(help="Standard deviation of the shift of all places; 0.3mm if not given.")
+    ] = None
+    force_error: Annotated[
+        float | None,
+        Parameter(metavar="RATIO", help="Relative standard deviation of each force; 0.01 if not given."),
+    ] = None
+    want: Annotated[
+        str | None,
+        Parameter(metavar="NAMES", help="What to settle: gains,thickness if not given; poisson."),
+    ] = None
+    plan: Annotated[
+        options.Folder | None, Parameter(help="Write table, protocol, path for a printer (G-code) and picture.")
+    ] = None
+
+
+#: No touches are planned.
+_NO_PLAN = NextTouches()
+
+
 def calibrate(
-    recordings: list[Path],
+    recordings: list[Path] | None = None,
     *,
     sensor: Annotated[str, Parameter(metavar="SENSOR")],
     indenter: Annotated[str, Parameter(metavar="INDENTER")] = "",
@@ -40,11 +83,13 @@ def calibrate(
     out: options.File | None = None,
     picture: options.File | None = None,
     polynomial: bool = False,
+    planned: NextTouches = _NO_PLAN,
     json: options.Json = False,
 ) -> None:
-    """Fit characteristic, gains, pose, saturation, noise and creep to recordings under known loads.
+    """Fit characteristic, gains, pose, saturation, noise and creep to recordings under known loads, or plan touches.
 
-    Each value is printed with its confidence interval.
+    Each value is printed with its confidence interval. --next plans the touches that settle gains and cover best, with
+    the intervals that they will give, before anything is measured or after the recordings.
 
     Examples of use:
 
@@ -52,6 +97,7 @@ def calibrate(
         softcover calibrate data-set.toml --sensor sensor.toml --out calibrated.toml --picture left-out.png
         softcover calibrate trial*.mcap --sensor wts-0614-34 --tip 1mm --texel 39
         softcover calibrate dropped.mcap --sensor sensor.toml --step 1.204s
+        softcover calibrate --sensor wts-0614-34 --next 36 --noise 5mN --plan touches
 
     Args:
         recordings: Recordings under known loads, or one data-set file.
@@ -74,8 +120,10 @@ def calibrate(
         polynomial: Write the characteristic of degree 5 instead of the line.
     """
     from validation import api
-    from validation.calibration.calibrate import Calibration
 
+    if not recordings:
+        _plan(planned, options.read_description(sensor, any_cover=True), None, json=json)
+        return
     description, span = options.read_description(sensor), options.read_time_span("--window", window, "6s:9s")
     if step is not None:
         others = {"--out": out, "--picture": picture, "--tip": tip, "--texel": texel, "--indenter": indenter}
@@ -90,12 +138,66 @@ def calibrate(
             polynomial=polynomial, progress=progress,
         )  # fmt: skip
     _tell_files(found, out, picture)
+    _show_fit(found, sensor, planned, description, json=json)
+
+
+def _show_fit(
+    found: Calibration | PointLoadCalibration,
+    sensor: str,
+    planned: NextTouches,
+    description: SensorDescription,
+    *,
+    json: bool,
+) -> None:
+    from validation.calibration.calibrate import Calibration
+
+    if json and planned == _NO_PLAN:
+        output.print_json(found.as_json())
+    elif not isinstance(found, Calibration):
+        if planned != _NO_PLAN:
+            raise InputError("--next: touches are planned after recordings of the whole array, not of one --texel")
+        _show_point(found)
+    else:
+        if not json:
+            _show(found, sensor)
+        if planned != _NO_PLAN:
+            _plan(planned, description, found, json=json)
+
+
+def _plan(planned: NextTouches, sensor: SensorDescription, after: Calibration | None, *, json: bool) -> None:
+    """Plan touches, and print them and what they settle.
+
+    Raises:
+        InputError: If `--next` is missing, or an option cannot be used.
+    """
+    from validation.calibration.touch_protocol import next_touches
+
+    given = {name: value for name, value in vars(planned).items() if value is not None}
+    if planned.next is None:
+        if after is None:
+            raise InputError("RECORDINGS: name recordings under known loads, or plan them with --next NUMBER")
+        raise InputError(f"{', '.join('--' + name.replace('_', '-') for name in given)}: needs --next NUMBER")
+    if "want" in given:
+        given["want"] = tuple(filter(None, (each.strip() for each in given["want"].split(","))))
+    with output.Progress() as progress:
+        found = next_touches(
+            sensor, given.pop("next"), after=after, out=given.pop("plan", None), progress=progress, **given
+        )
+    if planned.plan is not None:
+        output.say(f"wrote {planned.plan}")
     if json:
         output.print_json(found.as_json())
-    elif isinstance(found, Calibration):
-        _show(found, sensor)
-    else:
-        _show_point(found)
+        return
+    rows = [
+        (str(number), str(each.texel), *(f"{1e3 * value:.3f}" for value in each.at[:2]), f"{each.load:g}")
+        for number, each in enumerate(found.touches, 1)
+    ]
+    headings = ("touch", "texel", "x [mm]", "y [mm]", "load [N]")
+    output.print_table(headings, rows, title=f"Next touches of {found.sensor}", lines=False)
+    output.print_table(
+        ("", "before", "after"), list(found.list_expected()), title="Expected 95 % intervals", lines=False
+    )
+    output.print_meaning(found.explain())
 
 
 def _tell_files(found: Calibration | PointLoadCalibration, *paths: Path | None) -> None:
