@@ -21,8 +21,10 @@ _ORDER = 6
 _PARTS = 4
 #: Number of starts, the nearest middles of parts of facets, from which the nearest point of a surface is searched [-].
 _CANDIDATES = 6
-#: Number of Gauss-Newton steps of the search for the nearest point, from each start [-].
+#: Largest number of Gauss-Newton steps of the search for the nearest point, from each start [-].
 _STEPS = 12
+#: Change of the reference coordinates in a step below which the search has ended [-].
+_STILL = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,13 +120,10 @@ class FacetSurface:
         found = tree.query(points, k=min(_CANDIDATES, tree.n))[1].reshape(len(points), -1)
         facet, place = found // len(starts), starts[found % len(starts)]
         corner = self.nodes[self.facets[facet]]
-        for _ in range(_STEPS):
-            away = points[:, None] - np.einsum("kca,kcad->kcd", facet_shape(count, place), corner, optimize=True)
-            slope = np.einsum("kcra,kcad->kcrd", facet_slope(count, place), corner, optimize=True)
-            normal = np.einsum("kcrd,kcsd->kcrs", slope, slope, optimize=True)
-            right = np.einsum("kcrd,kcd->kcr", slope, away, optimize=True)
-            place = _clip(count, place + np.linalg.solve(normal, right[..., None])[..., 0])
-        away = points[:, None] - np.einsum("kca,kcad->kcd", facet_shape(count, place), corner, optimize=True)
+        place = _approach(
+            np.repeat(points, facet.shape[1], axis=0), corner.reshape(-1, count, 3), place.reshape(-1, 2)
+        ).reshape(place.shape)
+        away = points[:, None] - (facet_shape(count, place)[..., None, :] @ corner)[..., 0, :]
         distance = np.linalg.norm(away, axis=2)
         best = np.argmin(distance, axis=1)
         every = np.arange(len(points))
@@ -166,6 +165,32 @@ def quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
         return np.column_stack([u.ravel(), v.ravel()]), np.outer(weights, weights).ravel()
     points, weights = skfem.quadrature.get_quadrature(skfem.ElementTriP2(), _ORDER)
     return np.ascontiguousarray(points.T), np.asarray(weights, dtype=float)
+
+
+def _approach(points: FloatArray, corner: FloatArray, place: FloatArray) -> FloatArray:
+    """Find the places on k facets nearest to k points, by Gauss-Newton steps that stay on the facet.
+
+    Args:
+        points: Points, shape (k, 3) [m].
+        corner: Positions of the nodes of each facet, shape (k, 9, 3) or (k, 6, 3) [m].
+        place: Reference coordinates of the starts, shape (k, 2) [-].
+
+    Returns:
+        Reference coordinates, shape (k, 2) [-].
+    """
+    count, place, left = corner.shape[1], place.copy(), np.arange(len(place))
+    for _ in range(_STEPS):
+        start = place[left]
+        shape = np.concatenate([facet_shape(count, start)[:, None], facet_slope(count, start)], axis=1)
+        reached, u, v = np.moveaxis(shape @ corner[left], 1, 0)
+        away = points[left] - reached
+        uu, uv, vv, right_u, right_v = (
+            np.einsum("kd,kd->k", *pair) for pair in ((u, u), (u, v), (v, v), (u, away), (v, away))
+        )
+        step = np.column_stack([vv * right_u - uv * right_v, uu * right_v - uv * right_u])
+        place[left] = _clip(count, start + step / (uu * vv - uv * uv)[:, None])
+        left = left[np.abs(place[left] - start).max(axis=1) > _STILL]
+    return place
 
 
 def _clip(nodes: int, place: FloatArray) -> FloatArray:
