@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 # The modules of all tests hold many objects for good; looking for garbage among them more rarely saves time.
 gc.set_threshold(20_000, 20, 20)
+# Test modules with rewritten assertions are kept on disk: to rewrite them takes a third of the collection.
+sys.dont_write_bytecode = False
 # A property must hold, however long a busy machine takes to try an example.
 # In CI the examples of property tests are the same on every run, and more; elsewhere they differ from run to run.
 hypothesis.settings.register_profile(

@@ -103,7 +103,7 @@ WAYS = [
 ]
 
 
-@pytest.mark.parametrize("kind", [OSError, KeyboardInterrupt])
+@pytest.mark.parametrize("kind", [pytest.param(OSError, marks=pytest.mark.slow), KeyboardInterrupt])
 @pytest.mark.parametrize(("way", "name"), WAYS)
 def test_a_fault_at_any_step_keeps_the_earlier_or_the_new_content(way, name, kind, tmp_path, monkeypatch):
     if way == "two renames":

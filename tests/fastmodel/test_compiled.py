@@ -50,6 +50,7 @@ print(*sorted(raised))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no interval timers here")
 def test_exceptions_of_signal_handlers_come_out_of_a_kernel_as_they_are():
     """Without the guard about two of three of the signals end in a `SystemError`, while numba makes the results.
@@ -76,6 +77,7 @@ print(sum(compile_kernel(double).__wrapped__.stats.cache_misses.values()))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of files")
 def test_of_processes_that_start_together_one_compiles(tmp_path):
     (tmp_path / "twice.py").write_text(TWICE)

@@ -36,8 +36,8 @@ def system(backend, matrix, fixed):
     return ConstrainedSystem(fixed, backend=backend).factorise(matrix)
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1000.0])
-@pytest.mark.parametrize("nu", [0.3, 0.4999, 0.5])
+@pytest.mark.parametrize("ratio", [pytest.param(1.0, marks=pytest.mark.slow), 1000.0])
+@pytest.mark.parametrize("nu", [pytest.param(0.3, marks=pytest.mark.slow), 0.4999, 0.5])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_backends_agree(backend, nu, ratio):
     matrix, fixed, load = layered(nu, ratio)
@@ -69,6 +69,7 @@ def test_a_larger_pattern_is_analysed_again(backend):
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 def test_systems_do_not_share_a_solver():
     """Two pardiso systems alive at once, one dropped: the other still has its own factors."""
     matrix, fixed, load = layered(0.5)

@@ -117,6 +117,7 @@ def test_a_curve_of_a_solid_ends_at_the_press(small_pad, read_pad, softcover, tm
     assert (tmp_path / "curve" / "curve.csv").exists()
 
 
+@pytest.mark.slow
 def test_the_fast_model_alone(small_pad, read_pad, softcover):
     words = ("press", "flat-pad", "--indenter", BALL, "--model", "fast")
     status, out, _ = softcover(*words, "--load", "0.5N", "--json")
@@ -156,6 +157,7 @@ def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one(monkeypatch):
     assert choose_mesh((huge,)) is None
 
 
+@pytest.mark.slow
 def test_where_the_meshes_are_too_fine_the_fast_model_is_left_out_and_said(
     small_pad, read_pad, monkeypatch, softcover, tmp_path
 ):

@@ -61,6 +61,7 @@ def rubber(model, parameters):
 
 
 @pytest.mark.slow
+@pytest.mark.bench  # the slow tests have a ball of facets at finite strain
 def test_a_frame_of_thin_walls_at_finite_strain(wts):
     """Edges are rounded by less than the walls are wide, on every grid; finite strain changes a little."""
     ring = [tuple((s * a, t * a) for s, t in ((1, 1), (-1, 1), (-1, -1), (1, -1))) for a in (2.5e-3, 1.7e-3)]

@@ -79,10 +79,11 @@ def test_friction_points_along_the_sliding_cover_and_stays_in_the_cone(wts, fric
 
 
 @SLOW
-def test_the_contact_of_a_finite_cover_is_in_the_frame_of_the_array():
+@pytest.mark.parametrize("model", ["linear-elastic", pytest.param("neo-hookean", marks=pytest.mark.bench)])
+def test_the_contact_of_a_finite_cover_is_in_the_frame_of_the_array(model):
     from meshes import TexelArray
 
-    cover = make_cover(0.45, size=(10e-3, 8e-3))
+    cover = make_cover(0.45, model, size=(10e-3, 8e-3))
     at = (0.0, 1e-3)
     found = press(cover, TexelArray.grid(2, 2, pitch=3.4e-3), BOX, load=0.3, pose=Pose.planar(at=at, yaw=np.pi / 2))
     assert column_contact(found)[:, 2].sum() == pytest.approx(found.total_force, rel=1e-9)

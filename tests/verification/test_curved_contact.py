@@ -47,7 +47,7 @@ def towards(x, y, turn=0.0, tilt=0.0):
     ("radius", "depth", "place", "ratio"),
     [
         (4e-3, 0.2e-3, (0.2, 0.3), 0.49),
-        (8e-3, 0.4e-3, (0.15, 0.1), 0.45),
+        pytest.param(8e-3, 0.4e-3, (0.15, 0.1), 0.45, marks=pytest.mark.bench),
     ],
 )
 def test_a_ball_on_a_spherical_cover_meets_the_exact_contact(radius, depth, place, ratio):
@@ -83,7 +83,7 @@ def test_a_ball_on_a_cylindrical_cover_meets_the_exact_contact():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tilt", [0.0, np.radians(45)], ids=["flat", "edge"])
+@pytest.mark.parametrize("tilt", [0.0, pytest.param(np.radians(45), marks=pytest.mark.bench)], ids=["flat", "edge"])
 def test_a_box_is_pressed_alike_at_all_places_of_a_sphere(tilt):
     """On one mesh: places, and turns of the elements below the box."""
     cover, box = take_meshes(MESHES[:1], make_rubber(0.49)), Box(size=(4e-3, 4e-3, 6e-3))

@@ -22,7 +22,7 @@ RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_mod
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shift", [0.17e-3, 0.4e-3])
+@pytest.mark.parametrize("shift", [0.17e-3, pytest.param(0.4e-3, marks=pytest.mark.bench)])
 def test_estimates_of_point_forces_on_a_cylinder_bound_the_error(shift):
     radius, size = 6e-3, 1.98e-3
     texels = TexelArray(
@@ -40,6 +40,7 @@ def test_estimates_of_point_forces_on_a_cylinder_bound_the_error(shift):
     assert response.error_estimate["peak_texel"] < 0.05
 
 
+@pytest.mark.bench  # the slow tests have a ball
 @pytest.mark.slow
 def test_estimates_of_a_press_bound_the_difference_from_the_planar_solution():
     """Of a box; `tests/fem_reference/curved_cover/test_press.py` presses a ball."""
@@ -59,6 +60,7 @@ def test_estimates_of_a_press_bound_the_difference_from_the_planar_solution():
 
 
 @pytest.mark.slow
+@pytest.mark.bench  # the slow tests have the same box untilted, and a tilted one on the planar cover
 def test_a_tilted_box_presses_as_on_the_planar_solution():
     cover, load, tilt, at = flat_pad(size=SIZE, rows=2), 0.2, np.radians(9.9), (-1e-3, 0.1e-3)
     box = Box(size=(8e-3, 3e-3, 6e-3))

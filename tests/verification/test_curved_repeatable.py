@@ -24,7 +24,7 @@ meshes = [read_mesh(Path(name)) for name in sys.argv[2:]]
 rubber = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
 cover, ball = phalanx(length=10e-3, rows=3, columns=3), Sphere(radius=4e-3)
 pose = Pose.facing([1e-3, 0.4e-3, 12e-3], [-0.2, 0, -1])
-found = press(take_meshes(meshes, rubber), cover.texels, ball, pose, load=1.0, strain=sys.argv[1])
+found = press(take_meshes(meshes, rubber), cover.texels, ball, pose, load=0.3, strain=sys.argv[1])
 arrays = (
     texel_responses(meshes, cover.texels, rubber).matrix, found.texel_forces, found.contact_forces, found.displacement
 )

@@ -137,7 +137,7 @@ def test_texels_on_a_cylinder_agree_with_the_closed_form(ratio, poisson_ratio):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "poisson_ratio"), [(0.1, 0.3), (0.5, 0.5)])
+@pytest.mark.parametrize(("ratio", "poisson_ratio"), [pytest.param(0.1, 0.3, marks=pytest.mark.bench), (0.5, 0.5)])
 def test_texels_on_a_sphere_agree_with_the_closed_form(ratio, poisson_ratio):
     found, expected, load = solve_sphere(ratio, poisson_ratio)
     assert np.abs(found - expected).max() < 0.005 * load

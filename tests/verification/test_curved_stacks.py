@@ -40,6 +40,7 @@ def solid_pad(layers, pad=PAD):
     return take_meshes(pad.divide(thicknesses).meshes(1.3), layers)
 
 
+@pytest.mark.bench  # the slow tests have two layers on a sphere
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("layers", "indenter"),

@@ -212,7 +212,7 @@ def test_a_cover_without_a_size_is_cut_far_away(bonded):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("base", ["bonded", "sliding"])
+@pytest.mark.parametrize("base", ["bonded", pytest.param("sliding", marks=pytest.mark.bench)])
 def test_a_wide_foil_on_foam_equals_the_axisymmetric_solution(base):
     found = one_grid(foil_on_foam(base=base, size=(34e-3, 34e-3)), THREE, FINE)
     spread = point_spread(foil_on_foam(base=base))

@@ -85,6 +85,7 @@ def test_a_ball_on_cells_bears_the_force_on_rings(ratio, friction):
     assert shear.sum() * contact.area == pytest.approx(rubbed, rel=0.06, abs=1e-6 * known.force)
 
 
+@pytest.mark.slow
 def test_twice_the_steps_change_the_force_little():
     loads = []
     for steps in (8, 16, 32):

@@ -52,7 +52,15 @@ def test_the_response_to_tractions_is_reciprocal_and_contains_that_to_pressure()
     assert found[:, 0, 0] == pytest.approx(transfer(Cover(layers=layers), k).compliance, rel=1e-6)
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.5])
+@pytest.mark.parametrize(
+    "nu",
+    [
+        pytest.param(0.0, marks=pytest.mark.slow),
+        0.3,
+        pytest.param(0.45, marks=pytest.mark.slow),
+        pytest.param(0.5, marks=pytest.mark.slow),
+    ],
+)
 def test_a_small_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     # Johnson 1985, section 3.8: ln(3 - 4 nu) (1 - nu) / (1 - 2 nu) times the stiffness without friction.
     radius = 1e-3 * THICKNESS
@@ -61,7 +69,10 @@ def test_a_small_punch_without_slip_has_the_stiffness_of_mossakovskii(nu):
     assert ratio == pytest.approx(exact, rel=2e-4)
 
 
-@pytest.mark.parametrize(("nu", "kappa"), [(0.49, 3.71350), pytest.param(0.5, 3.92912, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("nu", "kappa"),
+    [pytest.param(0.49, 3.71350, marks=pytest.mark.slow), pytest.param(0.5, 3.92912, marks=pytest.mark.slow)],
+)
 def test_a_punch_as_wide_as_the_layer_is_thick_has_an_independently_computed_stiffness(nu, kappa):
     assert dimensionless_stiffness(nu, 1.0) == pytest.approx(kappa, rel=5e-5)
     found = press(cover(nu), ARRAY, Cylinder(radius=THICKNESS), depth=1e-5, friction=np.inf)
@@ -69,6 +80,7 @@ def test_a_punch_as_wide_as_the_layer_is_thick_has_an_independently_computed_sti
     assert found.total_force * (1 - nu) / unit == pytest.approx(kappa, rel=5e-5)
 
 
+@pytest.mark.slow
 def test_an_incompressible_half_space_under_a_sphere_needs_no_friction():
     radius, contact = 1.0, 1e-3
     found = stuck_shape(cover(0.5, thickness=1.0), lambda r: r**2 / (2 * radius), contact, steps=32)
@@ -77,6 +89,7 @@ def test_an_incompressible_half_space_under_a_sphere_needs_no_friction():
     assert found.depth == pytest.approx(free.depth, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_texels_carry_the_force_of_contacts_without_slip():
     array = TexelArray.grid(21, 21, 3.4e-3)
     stuck = stuck_punch(cover(0.3), 3e-3).press(1e-4)
@@ -108,12 +121,14 @@ def test_a_pressed_cylinder_without_slip_has_the_exact_stiffness_within_its_esti
     assert column_contact(found)[:, 2].sum() == pytest.approx(found.total_force)
 
 
+@pytest.mark.slow
 def test_a_load_without_slip_reaches_the_depth_of_the_exact_stiffness():
     stiffness = stuck_punch(cover(0.45), THICKNESS).stiffness
     found = press(cover(0.45), ARRAY, Cylinder(radius=THICKNESS), load=0.1, friction=np.inf)
     assert found.depth == pytest.approx(0.1 / stiffness, rel=found.error_estimate["depth"])
 
 
+@pytest.mark.slow
 def test_a_cylinder_in_three_dimensions_stiffens_like_the_integral_equations():
     grid = FaceGrid(through=2, edge=0.08, growth=1.2, across=8)
     (slides, _), (sticks, _) = press_face(cover(0.49), Cylinder(radius=THICKNESS), Pose(), grid)
@@ -175,6 +190,7 @@ def test_few_steps_suffice_where_points_stick_where_they_touch():
     assert states[0].total_force == pytest.approx(exact.force, rel=0.012)
 
 
+@pytest.mark.bench  # the slow tests have a cylinder in three dimensions
 @pytest.mark.slow
 def test_solid_elements_of_order_three_stiffen_alike_without_slip():
     # A second discretisation, by finite elements of the whole cover, of the ratio of the forces with and without slip.
@@ -194,7 +210,7 @@ def test_solid_elements_of_order_three_stiffen_alike_without_slip():
     np.testing.assert_allclose(ours[0] - ours[1], theirs[0] - theirs[1], atol=limit)
 
 
-@pytest.mark.parametrize("nu", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("nu", [pytest.param(0.3, marks=pytest.mark.slow), pytest.param(0.49, marks=pytest.mark.slow)])
 def test_a_sliding_base_carries_the_load_of_a_face_without_slip(nu, reactions):
     """The outer boundary must not press a sliding cover onto its base."""
     rubber = Material(

@@ -63,6 +63,7 @@ def test_square_face_on_a_half_space(bonded):
     assert found == pytest.approx(np.pi * 0.3667874 * 4e-3 * 1e6 / (1 - 0.3**2) * 1e-5, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_faces_equal_the_older_boundary_elements(bonded):
     cover, box = bonded(0.49), Box(size=(4e-3, 3e-3, 4e-3))
     coarse, fine = (pressed_shape(cover, box, 1e-5, cells=n).total_force for n in (10, 15))
@@ -113,7 +114,7 @@ def test_excess_equals_its_integral(bonded, base):
         assert excess(np.array(r)) == pytest.approx(exact, rel=2e-6)
 
 
-@pytest.mark.parametrize("size", [(3.4e-3, 3.4e-3), (1e-3, 2e-3)])
+@pytest.mark.parametrize("size", [pytest.param((3.4e-3, 3.4e-3), marks=pytest.mark.slow), (1e-3, 2e-3)])
 def test_texel_response_equals_its_integral(bonded, size):
     cover = bonded(0.5)
     response = closed_form.tabulate_texel_response(cover, size)
@@ -125,6 +126,7 @@ def test_texel_response_equals_its_integral(bonded, size):
         assert response(np.array([x]), np.array([y]))[0] == pytest.approx(exact, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_cone_on_a_thick_layer_follows_sneddon(bonded):
     """Sneddon 1948: depth = (pi / 2) a cot(angle / 2), force = a E* depth; the layer is 1e5 times as thick as a."""
     cone = Cone(angle=np.radians(140), radius=1.0)
@@ -133,6 +135,7 @@ def test_cone_on_a_thick_layer_follows_sneddon(bonded):
     assert found.force == pytest.approx(found.contact_radius * 1e6 / (1 - 0.09) * found.depth, rel=3e-4)
 
 
+@pytest.mark.slow
 def test_load_and_depth_of_a_body_of_revolution_agree(bonded):
     cover = bonded(0.5)
     for shape in (Sphere(radius=5e-3), RoundedTip(radius=1e-3), Cone(angle=2.0, radius=5e-3), Cylinder(radius=2e-3)):
@@ -143,6 +146,7 @@ def test_load_and_depth_of_a_body_of_revolution_agree(bonded):
         assert (np.diff(rings) > 0).all()
 
 
+@pytest.mark.slow
 def test_texel_forces_of_a_body_of_revolution(bonded):
     """Superposed rings give the same texel forces as the transform of the pressure, and their sum is the force."""
     cover, array = bonded(0.49), TexelArray.grid(13, 13, 3.4e-3)

@@ -37,7 +37,15 @@ def places(array):
     return [*(centre + shifts), array.centres[-1, :2] + pitch / 2]
 
 
-@pytest.mark.parametrize("nu", [0.0, *(pytest.param(nu, marks=pytest.mark.slow) for nu in RATIOS[1:-2]), 0.499, 0.5])
+@pytest.mark.parametrize(
+    "nu",
+    [
+        pytest.param(0.0, marks=pytest.mark.slow),
+        *(pytest.param(nu, marks=pytest.mark.slow) for nu in RATIOS[1:-2]),
+        pytest.param(0.499, marks=pytest.mark.slow),
+        0.5,
+    ],
+)
 def test_radial_profile_equals_the_exact_layer(bonded, nu):
     cover = bonded(nu)
     spread = point_spread(cover)
@@ -46,7 +54,9 @@ def test_radial_profile_equals_the_exact_layer(bonded, nu):
     assert np.abs(spread.pressure(radius) - exact).max() < 1e-3 * exact.max()
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.499, 0.5])
+@pytest.mark.parametrize(
+    "nu", [pytest.param(0.0, marks=pytest.mark.slow), pytest.param(0.499, marks=pytest.mark.slow), 0.5]
+)
 def test_texel_forces_equal_the_exact_layer(bonded, wts, nu):
     cover = bonded(nu)
     influence = point_spread(cover).texel_influence(wts, places(wts))
@@ -67,7 +77,10 @@ def test_uniform_pressure_equals_the_exact_layer(bonded, wts, nu):
     assert np.abs(found - exact).max() < 5e-5
 
 
-@pytest.mark.parametrize(("nu", "base"), [(0.0, "bonded"), (0.3, "sliding"), (0.499, "sliding"), (0.5, "bonded")])
+@pytest.mark.parametrize(
+    ("nu", "base"),
+    [(0.0, "bonded"), (0.3, "sliding"), pytest.param(0.499, "sliding", marks=pytest.mark.slow), (0.5, "bonded")],
+)
 def test_texels_and_outside_add_up_to_the_load(bonded, wts, nu, base):
     spread = point_spread(bonded(nu, base=base))
     total = spread.texel_influence(wts, places(wts)).sum(axis=1) + spread.outside(wts, places(wts))
@@ -95,6 +108,7 @@ def test_masked_texels_count_as_outside(bonded, wts):
     assert lost == pytest.approx(spread.texel_influence(wts, centre)[0, wts.middle], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_shape_does_not_depend_on_the_modulus_and_scales_with_thickness(bonded):
     soft, stiff = point_spread(bonded(0.45)), point_spread(bonded(0.45, youngs_modulus=7e6))
     assert stiff.pressure_per_force == pytest.approx(soft.pressure_per_force, rel=1e-9, abs=1e-3)
@@ -103,7 +117,7 @@ def test_shape_does_not_depend_on_the_modulus_and_scales_with_thickness(bonded):
     assert thick.pressure(3 * radius) * 9 == pytest.approx(soft.pressure(radius), rel=1e-6, abs=1e-3)
 
 
-@pytest.mark.parametrize("base", ["bonded", "sliding"])
+@pytest.mark.parametrize("base", ["bonded", pytest.param("sliding", marks=pytest.mark.slow)])
 def test_layered_covers_equal_the_exact_recursion(base):
     """A foil a tenth as thick and a hundred times as stiff on a soft layer."""
     foil = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 1e8}, poisson_ratio=0.35)

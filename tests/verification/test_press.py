@@ -35,7 +35,15 @@ def test_sphere_depth_under_a_load(bonded, wts, nu):
     assert found.depth == pytest.approx(exact.depth, rel=1e-3)
 
 
-@pytest.mark.parametrize(("nu", "ratio"), [(0.0, 0.5), (0.3, 1.0), (0.49, 0.5), (0.5, 1.0)])
+@pytest.mark.parametrize(
+    ("nu", "ratio"),
+    [
+        pytest.param(0.0, 0.5, marks=pytest.mark.slow),
+        pytest.param(0.3, 1.0, marks=pytest.mark.slow),
+        pytest.param(0.49, 0.5, marks=pytest.mark.slow),
+        (0.5, 1.0),
+    ],
+)
 def test_flat_punch_force(bonded, wts, nu, ratio):
     cover = bonded(nu)
     exact = closed_form.punch(cover, ratio * cover.thickness, 0.05e-3)
@@ -53,6 +61,7 @@ def test_small_contact_on_a_thick_layer_is_hertz(bonded, wts):
     assert found.contact_area == pytest.approx(np.pi * hertz.contact_radius**2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_ball_that_barely_touches_is_hertz(bonded, wts):
     # A hundredth of a first cell: no cell's centre is below the approach until the cells have closed in.
     cover = bonded(0.3, thickness=20e-3)
@@ -71,6 +80,7 @@ def test_balance_and_linearity(bonded, wts):
     assert two.depth == pytest.approx(2 * one.depth, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_quarter_turn_of_a_square_changes_nothing(bonded, wts):
     shape = Box(size=(8e-3, 8e-3, 5e-3))
     straight = press(bonded(0.4), wts, shape, load=1.0)
@@ -100,7 +110,7 @@ def test_a_ball_far_larger_than_the_cover_is_thick(bonded, wts):
     assert found.total_force == pytest.approx(exact.force, rel=2e-3)
 
 
-@pytest.mark.parametrize("target", [{"load": 1.0}, {"depth": 0.1e-3}])
+@pytest.mark.parametrize("target", [pytest.param({"load": 1.0}, marks=pytest.mark.slow), {"depth": 0.1e-3}])
 def test_the_base_carries_the_load_on_arrays_of_narrow_texels_and_of_few(bonded, target):
     """The force on the texels and the force outside them are computed on their own; neither is a difference."""
     for array in (TexelArray.grid(5, 30, (1e-3, 7e-3), texel_size=(0.4e-3, 6e-3)), TexelArray.grid(1, 1, 2e-3)):
@@ -114,6 +124,7 @@ def test_the_base_carries_the_load_on_arrays_of_narrow_texels_and_of_few(bonded,
         assert found.total_force == pytest.approx(target.get("load", found.total_force), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("nu", "share"),
     [
@@ -148,6 +159,7 @@ def test_long_rollers_are_resolved_across(bonded, wts, radius, load):
     assert np.abs(column_contact(found)[:, 0]).max() == pytest.approx(width / 2, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "face", [Cylinder(radius=4e-3), pytest.param(Nut(across=13e-3, bore=11e-3), marks=pytest.mark.slow)]
 )

@@ -25,6 +25,7 @@ def test_one_body_is_what_press_finds(bonded, wts):
     assert found.texel_forces.sum() + found.outside == pytest.approx(2.0, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_far_bodies_superpose_and_near_ones_sink_deeper(bonded, wts):
     cover = bonded(0.3)
     alone = press_together(cover, wts, [Body(indenter=SQUARE, load=2.0, at=(0.0, -9e-3))])
@@ -49,6 +50,7 @@ def test_the_centre_of_pressure_of_a_tilting_body_is_under_its_weight(bonded, wt
     assert not upright.slopes.any()
 
 
+@pytest.mark.slow
 def test_a_ball_that_may_tilt_presses_like_a_guided_one(bonded, wts):
     """Tilting a ball about its centre of pressure changes nothing."""
     guided = press_together(bonded(0.3), wts, [Body(indenter=Sphere(radius=5e-3), load=1.0)])

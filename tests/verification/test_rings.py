@@ -48,6 +48,7 @@ def test_a_ball_without_slip(bonded):
     assert middle(found) == pytest.approx(middle(exact), rel=3e-3)
 
 
+@pytest.mark.slow
 def test_shear_obeys_coulombs_law_and_slip_reaches_the_edge(bonded):
     found = press_with_friction(bonded(0.3), BALL, 2e-4, 0.2, rings=48)
     touching = found.pressure > 0

@@ -19,6 +19,7 @@ PUNCH = Cylinder(radius=2e-3)
 COVER = make_cover(0.49)
 
 
+@pytest.mark.bench
 @pytest.mark.slow
 @pytest.mark.parametrize(("depth", "friction"), [(0.25e-3, 0.4)])
 def test_three_dimensions_agree_with_the_plane_of_the_axis_within_their_estimate(depth, friction, monkeypatch):

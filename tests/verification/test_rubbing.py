@@ -73,6 +73,7 @@ def test_friction_stiffens_up_to_no_slip():
     assert loads[-1] == pytest.approx(stuck_punch(SOFT, 1.5e-3).stiffness * DEPTH, rel=1e-4)
 
 
+@pytest.mark.bench
 def test_a_face_on_a_stiff_foil_rubs_between_no_friction_and_no_slip():
     foil = stack_layers((2e-3, 2e5, 0.45), (0.1e-3, 2e9, 0.4))
     loads = [

@@ -39,6 +39,7 @@ def test_opposite_tilts_mirror_the_image(wts):
     assert find_moment(one)[0] > 1e-4 > -1e-4 > find_moment(other)[0]
 
 
+@pytest.mark.slow
 def test_a_narrow_contact_beside_the_axis_is_resolved(wts):
     found = press(make_cover(0.45, "linear-elastic"), wts, BOX, load=1.0, pose=Pose.planar(tilt=(0.0, np.radians(10))))
     assert max(found.error_estimate.values()) < 0.02
@@ -55,6 +56,7 @@ def test_yaw_turns_the_tilted_indenter(wts):
     assert abs(find_moment(found)[1]) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_small_tilt_is_nearly_none_and_a_ball_none(wts):
     with rough_cells():
         cover = make_cover(0.45, "linear-elastic")
@@ -68,6 +70,7 @@ def test_a_small_tilt_is_nearly_none_and_a_ball_none(wts):
         )
 
 
+@pytest.mark.bench  # the slow tests have a box that is not tilted
 @pytest.mark.slow
 def test_finite_strain_at_a_small_load_tends_to_small_strain(wts):
     tilt = (0.0, 0.03)

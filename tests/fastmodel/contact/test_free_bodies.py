@@ -68,7 +68,7 @@ def find_centre(model, data):
     return total[:2] / total[2], total[2]
 
 
-@pytest.mark.parametrize("method", ["cover", "foundation"])
+@pytest.mark.parametrize("method", ["cover", pytest.param("foundation", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", BODIES)
 def test_centre_of_pressure_is_that_of_mujocos_contacts(name, method):
     """Within a cell; what is missed is a field of the frame; the force is exact; texels show the same centre."""
@@ -87,7 +87,7 @@ def test_centre_of_pressure_is_that_of_mujocos_contacts(name, method):
     assert np.mean(np.array(apart) > CELL) <= 0.01
 
 
-@pytest.mark.parametrize("name", ["box", "blade", "cross"])
+@pytest.mark.parametrize("name", ["box", "blade", pytest.param("cross", marks=pytest.mark.slow)])
 def test_an_adapted_reading_equals_one_that_is_solved_anew(name):
     """A twin that forgets its last solution in every step differs by at most 1 % of the load."""
     apart, twin = [], None

@@ -83,7 +83,7 @@ def test_a_press_along_a_direction_is_the_same_verb(parameters):
         fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, pose=pose, contact="boxes")
 
 
-@pytest.mark.parametrize("joint", ["slide", "hinge"])
+@pytest.mark.parametrize("joint", [pytest.param("slide", marks=pytest.mark.slow), "hinge"])
 def test_an_array_on_a_turned_finger_feels_the_press_of_its_own_frame(parameters, joint):
     direction = np.array([-0.25, 0.1, -1.0])
     direction /= np.linalg.norm(direction)

@@ -336,6 +336,7 @@ def test_gradients_are_those_of_finite_differences(library, steps):
         np.testing.assert_allclose(slope, (ends[0] - ends[1]) / 2, rtol=1e-6, atol=1e-6 * np.abs(slope).max())
 
 
+@pytest.mark.bench  # the slow tests have the gradients
 @pytest.mark.slow
 def test_a_training_loop_is_deterministic_and_learns():
     """In 64 worlds, 1000 steps find loads and positions of balls from texel forces."""

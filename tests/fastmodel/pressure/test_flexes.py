@@ -47,6 +47,7 @@ def run(sensor, model, data, steps):
     return np.array(images)
 
 
+@pytest.mark.slow
 def test_the_image_of_a_soft_cube_at_rest_is_steady_and_its_force_exact():
     sensor, model, data = build_flexes([(CUBE, "1e-3 -2e-3 6e-3", 0.05)], SOFT)
     run(sensor, model, data, 500)

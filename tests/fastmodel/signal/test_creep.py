@@ -25,7 +25,9 @@ def hold(creep, load, seconds, interval):
     return interval * np.arange(1, len(found) + 1), np.array(found)
 
 
-@pytest.mark.parametrize("coefficient", [0.03, 0.12, 0.2])
+@pytest.mark.parametrize(
+    "coefficient", [pytest.param(0.03, marks=pytest.mark.slow), 0.12, pytest.param(0.2, marks=pytest.mark.slow)]
+)
 def test_a_held_load_grows_with_the_logarithm_of_time(coefficient):
     """1 + c ln(t / 2 s) from 1 s on; two states a decade, so that the ripple is far below 0.1 %."""
     times, found = hold(Creep(coefficient), 3.0, 100.0, 0.05)

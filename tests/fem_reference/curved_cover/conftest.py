@@ -1,4 +1,4 @@
-"""Quick tests of this folder press on few cells."""
+"""Tests of this folder press on few cells, unless they compare with independent solutions."""
 
 import contextlib
 
@@ -14,6 +14,5 @@ def full_cells():
 
 @pytest.fixture(autouse=True)
 def _cells(request):
-    full = request.node.get_closest_marker("slow") or "full_cells" in request.fixturenames
-    with contextlib.nullcontext() if full else coarse_cells():
+    with contextlib.nullcontext() if "full_cells" in request.fixturenames else coarse_cells():
         yield

@@ -45,6 +45,7 @@ def test_a_deep_press_differs_from_small_strain():
     np.testing.assert_array_equal(again.contact_points, found.contact_points)
 
 
+@pytest.mark.slow
 def test_a_path_that_stops_early_names_how_far_it_came(monkeypatch):
     pose = Pose.facing([0, 0, 12e-3], DOWN)
     monkeypatch.setattr("fem_reference.finite_strain.contact_problem._SETTINGS", PathSettings(iterations=1))

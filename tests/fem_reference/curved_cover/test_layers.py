@@ -37,6 +37,7 @@ def stack(*layers):
 MESH = COVER.divide([1.7e-3, 0.3e-3]).mesh(1.6e-3, layers=3)
 
 
+@pytest.mark.slow
 def test_two_equal_layers_are_one():
     one, two = (
         texel_responses([MESH], COVER.texels, layers).finest.influence
@@ -50,6 +51,7 @@ def test_two_equal_layers_are_one():
     assert presses[1].depth == pytest.approx(presses[0].depth, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_stiff_skin_spreads_the_load():
     soft, skin = (
         press(take_meshes([MESH], stack((1.7e-3, 1e6), (0.3e-3, modulus))), COVER.texels, BALL, ABOVE, load=0.3)
@@ -69,7 +71,7 @@ def test_friction_stiffens_a_layered_cover():
     assert smooth < rubbed < 1.1 * smooth
 
 
-@pytest.mark.parametrize("modulus", [0.2e6, 20e6])
+@pytest.mark.parametrize("modulus", [pytest.param(0.2e6, marks=pytest.mark.slow), 20e6])
 def test_the_fast_model_is_the_reference_on_the_same_mesh(modulus):
     layers = stack((1.7e-3, 1e6), (0.3e-3, modulus))
     known = press(take_meshes([MESH], layers), COVER.texels, BALL, ABOVE, load=0.3)

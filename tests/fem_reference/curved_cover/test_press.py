@@ -67,6 +67,7 @@ def test_mirrored_presses_without_slip_give_mirrored_forces():
     assert one.total_force == pytest.approx(0.4, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_oblique_motion_presses_with_the_same_face():
     pose = at_angle(0.0, distance=13e-3)
     straight = press(SOLID, COVER.texels, BALL, pose, depth=0.2e-3)
@@ -87,7 +88,7 @@ def test_an_oblique_motion_presses_with_the_same_face():
         ({"load": 1.0, "depth": 1e-4}, ValueError, "either a load or a depth"),
         ({"load": -1.0}, ValueError, "load must be positive"),
         ({"depth": 1.9e-3}, PiercedError, "most of the cover"),
-        ({"load": 1e4}, PiercedError, "most of the cover"),
+        pytest.param({"load": 1e4}, PiercedError, "most of the cover", marks=pytest.mark.slow),
         ({"load": 1.0, "accuracy": 0.001}, UnsupportedError, "no mesh reaches it"),
         ({"load": 1.0, "pose": Pose(point=(0, 0, 2e-2), direction=(0, 0, 1))}, ValueError, "never touches"),
         ({"load": 1.0, "friction": np.inf, "strain": "finite"}, UnsupportedError, "at small strain only"),
@@ -104,6 +105,7 @@ def test_impossible_presses_are_refused(options, error, message):
         press(SOLID, COVER.texels, BALL, **{"pose": at_angle(0.0)} | options)
 
 
+@pytest.mark.slow
 def test_a_box_smaller_than_a_facet_finds_its_force():
     found = press(SOLID, COVER.texels, Box(size=(0.5e-3, 0.5e-3, 4e-3)), at_angle(0.0), load=0.1)
     assert found.total_force == pytest.approx(0.1)
@@ -118,6 +120,7 @@ def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
         press(SOLID, COVER.texels, Sphere(radius=1e-5), at_angle(0.0, y=7e-3), load=1e-3)
 
 
+@pytest.mark.slow
 def test_a_tilted_box_may_start_inside_a_flat_pad():
     """Its edge lies below the point that it is placed at; a pad, unlike a curved cover, has no height to spare."""
     pad = flat_pad(size=(8e-3, 8e-3), rows=2)
@@ -132,6 +135,7 @@ def test_a_tilted_box_may_start_inside_a_flat_pad():
         press(solid, pad.texels, box, behind, load=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.2e-3, 1e-3])
 def test_how_high_a_shape_is_does_not_matter(height):
     """A plate less high than the largest depth passes points on its way to it, one of 0.2 mm those that it presses."""
@@ -142,6 +146,7 @@ def test_how_high_a_shape_is_does_not_matter(height):
     np.testing.assert_allclose(low.texel_forces, high.texel_forces, atol=1e-9 * high.total_force)
 
 
+@pytest.mark.slow
 def test_a_deep_press_warns():
     found = press(SOLID, COVER.texels, BALL, at_angle(0.0), depth=0.5e-3)
     assert "strains are not small" in found.warnings[0]
@@ -159,7 +164,7 @@ def test_a_finer_mesh_is_added_for_an_accuracy_and_what_is_missed_is_stated():
     assert not any("wanted" in each for each in usual.warnings)
 
 
-@pytest.mark.parametrize("load", [2e-3, 1e-5])
+@pytest.mark.parametrize("load", [pytest.param(2e-3, marks=pytest.mark.slow), 1e-5])
 def test_a_contact_narrower_than_the_elements_follows_hertz(load):
     """A contact far narrower than the cover is thick is that of a half space under a cylinder (Johnson 1985, 4.2)."""
     found = press(SOLID, COVER.texels, Sphere(radius=0.5e-3), at_angle(0.0), load=load)
@@ -173,17 +178,20 @@ def test_a_contact_narrower_than_the_elements_follows_hertz(load):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("full_cells")
 @pytest.mark.parametrize(
     ("indenter", "material", "pad", "options", "limits"),
     [
         (BALL, RUBBER, (14e-3, 1e-3, 0.0), {"load": 0.3}, (0.01, 1.0)),
         (BALL, NEO, (10e-3, 0.0, 0.0), {"load": 2.0, "strain": "finite"}, (0.03, 0.03)),
-        (
+        # `test_no_slip.py` has a ball that rubs
+        pytest.param(
             Box(size=(3e-3, 3e-3, 2e-3)),
             RUBBER,
             (10e-3, 0.4e-3, 0.3e-3),
             {"load": 0.3, "friction": np.inf},
             (0.03, 0.08),
+            marks=pytest.mark.bench,
         ),
     ],
     ids=["ball", "ball at finite strain", "box without slip"],

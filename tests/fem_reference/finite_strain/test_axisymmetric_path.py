@@ -33,7 +33,7 @@ def test_the_contact_edge_is_found_between_the_nodes_at_every_depth(elements, co
     assert np.sqrt([state.area / np.pi for state in states]) == pytest.approx(edges, rel=0.015)
 
 
-@pytest.mark.parametrize("indenter", [Sphere(radius=4e-3), Cylinder(radius=2e-3)])
+@pytest.mark.parametrize("indenter", [pytest.param(Sphere(radius=4e-3), marks=pytest.mark.slow), Cylinder(radius=2e-3)])
 def test_the_base_carries_the_load_at_every_target(indenter):
     path = LoadingPath(cover=make_cover(0.45), indenter=indenter, targets=(0.1, 0.4), control="load")
     options = {"elements_per_thickness": 4, "contact_radius": 1.5e-3, "fillet": 0.3e-3, "reach": 25e-3}

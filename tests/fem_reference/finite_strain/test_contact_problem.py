@@ -42,7 +42,7 @@ def test_contact_keeps_the_balance_and_leaves_little_overlap():
     assert reached.contact.overlap < 1e-3 * reached.depth
 
 
-@pytest.mark.parametrize("nu", [0.45, 0.5])
+@pytest.mark.parametrize("nu", [0.45, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_stored_energy_is_the_work_of_the_load(nu):
     """Without friction nothing is lost: the load is the derivative of the energy by the depth, all along the path."""
     problem = path_problem(nu)
@@ -76,6 +76,7 @@ def solve_steps(problem, control, target, **options):
     return SolvedPath(elements=problem.solid.elements, equilibria=reached, steps=steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("control", "target"), [("load", 0.6), ("depth", 0.3)])
 def test_steps_of_a_coarse_mesh_start_a_finer_one_where_its_guess_fails(control, target):
     """The path comes to the same equilibrium, in fewer steps, the first of them beyond the guess that converged."""
@@ -92,7 +93,7 @@ def test_steps_of_a_coarse_mesh_start_a_finer_one_where_its_guess_fails(control,
     assert guided.equilibria[0].load == pytest.approx(plain.equilibria[0].load, rel=1e-5)
 
 
-@pytest.mark.parametrize(("control", "target"), [("load", 0.4), ("depth", 0.2)])
+@pytest.mark.parametrize(("control", "target"), [("load", 0.4), pytest.param("depth", 0.2, marks=pytest.mark.slow)])
 def test_friction_takes_at_least_its_number_of_steps(control, target):
     """Slip depends on the path; the first step is not recorded."""
     path = solve_steps(path_problem(count=3, friction=0.3), control, target)

@@ -44,8 +44,8 @@ CASES = pytest.mark.parametrize(
     ("indenter", "pose", "size"),
     [
         (BOX, Pose.planar(at=(1e-3, -0.5e-3), yaw=0.4), None),
-        (BOX, Pose.planar(at=(0.7e-3, 0.0)), (24e-3, 18e-3)),
-        (BOX, Pose.planar(yaw=np.pi / 2), (18e-3, 24e-3)),
+        pytest.param(BOX, Pose.planar(at=(0.7e-3, 0.0)), (24e-3, 18e-3), marks=pytest.mark.slow),
+        pytest.param(BOX, Pose.planar(yaw=np.pi / 2), (18e-3, 24e-3), marks=pytest.mark.slow),
         (Cylinder(radius=8e-3), Pose.planar(at=(1e-3, -0.5e-3)), None),
     ],
     ids=["wide", "bounded", "bounded, turned", "round"],

@@ -43,6 +43,7 @@ def test_bad_requests_are_refused_in_words(bonded, wts, request_, message):
         press_path(bonded(0.3), wts, Sphere(radius=5e-3), **request_)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, np.inf])
 def test_a_face_that_hardly_presses_rubber_has_the_solution_of_small_strain(wts, friction):
     rubber, linear = (

@@ -40,6 +40,7 @@ def study(cover, indenter, friction, *targets, control="depth", refinement=0):
     return rubbing.study_path(path, None, None, refinement)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cover", "friction"), [(ONE, 0.15), (TWO, 0.4)])
 def test_a_ball_rubs_as_rings_say_at_a_depth_and_under_its_load(cover, friction):
     known = press_with_friction(cover, BALL, 0.15e-3, friction, rings=24)
@@ -80,7 +81,7 @@ def test_grids_are_refined_from_the_coarse_end_to_the_fine_end(friction, steps, 
     assert not found.extrapolate
 
 
-@pytest.mark.parametrize(("friction", "floor"), [(0.2, 5e-4), (np.inf, 1e-4)])
+@pytest.mark.parametrize(("friction", "floor"), [pytest.param(0.2, 5e-4, marks=pytest.mark.slow), (np.inf, 1e-4)])
 def test_a_face_is_solved_once_and_scaled(friction, floor):
     found = study(ONE, PIN, friction, 0.05e-3, 0.2e-3)
     assert (found.least_error, found.least_area_error, found.extrapolate, found.most_order) == (floor, 0.0, True, 1.0)
@@ -119,6 +120,7 @@ def test_a_face_on_a_stiff_foil_is_not_extrapolated(length, is_foil, monkeypatch
     assert seen == [(cells, 1) for cells in (GRIDS if is_foil else CELLS)[:3]]
 
 
+@pytest.mark.slow
 def test_cells_are_widened_until_they_span_the_contact(monkeypatch):
     monkeypatch.setattr(rubbing, "GRIDS", (16, 16, 16))
     wide = study(ONE, BALL, 0.5, 0.12e-3).solutions[0]

@@ -31,7 +31,9 @@ def coarse():
         yield
 
 
-@pytest.mark.parametrize("control", [pytest.param("load", marks=pytest.mark.slow), "depth"])
+@pytest.mark.parametrize(
+    "control", [pytest.param("load", marks=pytest.mark.slow), pytest.param("depth", marks=pytest.mark.slow)]
+)
 def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
     targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
     path = LoadingPath(cover=COVER, indenter=Cylinder(radius=2e-3), targets=targets, control=control)

@@ -27,6 +27,7 @@ def solve_as_far(path, solve, *, finer=0, as_far=True):
     return MadeUp(place=None, as_far=as_far).solve_as_far(path)
 
 
+@pytest.mark.bench  # quick tests have a made-up solver
 @pytest.mark.slow
 def test_a_path_that_stops_returns_its_results(wts):
     with pytest.raises(IncompletePathError, match="of the thickness") as stopped:

@@ -48,6 +48,7 @@ def equibiaxial_stress(stretch, thickness, bulk):
     return (deviator / volume + bulk * (volume - 1))[[0, 2]]
 
 
+@pytest.mark.slow
 def test_a_compressible_material_is_stretched_without_lateral_stress():
     material = Material(name="f", model="mooney-rivlin", parameters={"c10": 1.0, "c01": -0.2}, poisson_ratio=0.3)
     bulk = 2 * 1.6 * 1.3 / (3 * 0.4)
@@ -65,6 +66,7 @@ def test_a_compressible_material_is_stretched_without_lateral_stress():
     assert "equibiaxial tension at a stretch of 1.8" in warn_of_instability(material, limit - 0.01)
 
 
+@pytest.mark.slow
 def test_a_compressed_material_whose_sides_jump_loses_its_stability():
     """Solved strain by strain, each from the one before, the sides jump inwards at a stretch of 0.3174."""
     material = Material(name="m", model="mooney-rivlin", parameters={"c10": 6e4, "c01": -1e4}, poisson_ratio=0.3)

@@ -71,6 +71,7 @@ def test_a_body_that_may_tilt_is_in_equilibrium_and_touches_without_overlap(comp
     assert overlap.max() < 1e-6 * np.abs(motion[0])
 
 
+@pytest.mark.slow
 def test_a_load_beside_the_body_cannot_be_balanced(compliance):
     x, _ = np.meshgrid(
         *((np.arange(n) - (n - 1) / 2) * edge for n, edge in zip(SHAPE, CELL, strict=True)), indexing="ij"

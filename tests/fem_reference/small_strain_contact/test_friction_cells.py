@@ -160,8 +160,8 @@ def sweep(matrix, goal, friction, sweeps=400):
     return traction
 
 
-@pytest.mark.parametrize("friction", [0.1, 0.25, 0.5])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.slow), 0.25, 0.5])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_cells_stick_and_slide_as_projection_sweeps_say(friction, seed):
     """The overlap of each cell grows at its own changing rate, so that cells slide on, turn, and stick again."""
     count, steps, matrix, rng = 6, 4, couple(6, seed, 0.4), np.random.default_rng(seed)
@@ -211,7 +211,9 @@ def test_axes_turn_to_the_shear_and_soften_across_it():
 
 
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
-@pytest.mark.parametrize("shape", [(4, 3), (2, 5), (1, 1)])
+@pytest.mark.parametrize(
+    "shape", [(4, 3), pytest.param((2, 5), marks=pytest.mark.slow), pytest.param((1, 1), marks=pytest.mark.slow)]
+)
 def test_cells_move_by_the_sum_over_all_pairs(base, shape):
     layer, cell = VectorCompliance.tabulate(replace(COVER, base=base), 4e-3), (0.3e-3, 0.5e-3)
     i, j = np.indices(shape)

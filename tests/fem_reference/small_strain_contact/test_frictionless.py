@@ -50,6 +50,7 @@ def test_load_and_depth_control_find_the_same_contact(surface, depth):
     assert at_depth.force.min() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("modulus", "thickness", "radius"), [(20e6, 100e-6, 0.5e-3), (2e9, 50e-6, 3e-3)])
 def test_a_contact_far_smaller_than_the_response_of_its_cover_is_exact(modulus, thickness, radius):
     """Against the integral equation; the cells are far smaller than the stretch and bending lengths of the skin."""

@@ -62,6 +62,7 @@ def test_corners_that_are_nearly_level_do_not_mislead(noise):
         assert sum(compute_area(part) for part in parts) == pytest.approx(whole, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_round_hole_stays_open_however_many_sides_it_has():
     """Each turn between two sides is within rounding, but not their sum."""
     turn = np.linspace(0, 2 * np.pi, 800, endpoint=False)

@@ -39,6 +39,7 @@ def test_a_kept_mesh_is_refined_once_and_both_have_the_sizes_of_the_ball():
         assert measure_area(mesh, "base") == pytest.approx(4 * np.pi * 8e-3**2, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_elements_that_are_too_small_are_refused_before_the_mesher_starts():
     with pytest.raises(ValueError, match=r"element_size: 0.2 mm would make .* take larger elements"):
         cover_ball(element_size=0.2e-3, kept={}).meshes()

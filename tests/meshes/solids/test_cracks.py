@@ -71,7 +71,7 @@ def test_a_hole_is_stated():
     assert thicken(DOME, 1e-3, "dome", inward=True).notes == ()
 
 
-@pytest.mark.parametrize("around", [24, 64])
+@pytest.mark.parametrize("around", [24, pytest.param(64, marks=pytest.mark.slow)])
 def test_a_fine_tessellation_is_thickened_like_a_coarse_one(around):
     """The triangles at the pole are slivers, and the border keeps all its points."""
     shell = thicken(make_dome(around, rings=24), 2e-3, "dome", inward=True)

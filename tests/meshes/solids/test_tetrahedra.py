@@ -136,6 +136,7 @@ def fill_between(triangles, radii):
     return nodes, orient_tetrahedra(nodes, np.concatenate(cells))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [[1.0, 0.6, 1.4]])
 def test_a_mesh_has_the_labels_and_the_shape_of_the_smooth_surface_and_so_have_its_refinements(change):
     """A shell around a core, whose own corners are those of 320 triangles.  Nothing of it is flat or open."""

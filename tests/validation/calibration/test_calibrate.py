@@ -183,6 +183,7 @@ def test_intervals_cover_in_90_to_99_percent():
     assert all(0.9 <= share <= 0.99 for share in shares.values()), shares
 
 
+@pytest.mark.bench  # the slow tests have an even seat
 @pytest.mark.slow
 def test_intervals_cover_where_the_stamp_sits_unevenly():
     """All recordings of a place share most of the seating heights; with independent errors only, 80 % are covered."""
@@ -390,6 +391,7 @@ def test_a_calibrated_sensor_reads_the_fitted_line_at_the_age_of_the_images():
         assert output.counts == pytest.approx(exact, rel=2e-3, abs=1)
 
 
+@pytest.mark.slow
 def test_the_interval_of_creep_covers_another_load():
     """Loads whose creep scatters by 10 % and recordings by 3 %: 95 of 100 further loads, by Student's t."""
     rng, held = np.random.default_rng(3), 0

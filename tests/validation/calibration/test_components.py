@@ -27,6 +27,7 @@ def test_a_balanced_one_way_layout_gives_the_mean_squares_of_the_analysis_of_var
     np.testing.assert_allclose(spread, covariance, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_planted_variances_of_two_crossed_factors_are_found_within_their_uncertainty():
     """Recordings with weights as of counts, and texels common to recordings; four parameters take part of both."""
     random = np.random.default_rng(2)

@@ -45,6 +45,7 @@ def test_a_filter_is_found_with_its_order_and_delay():
     assert not found.reason
 
 
+@pytest.mark.slow
 def test_an_interval_is_symmetric_in_the_logarithm_and_the_noise_is_that_of_the_fit():
     """Noise of 10 counts; frames from half a second before the step to a second after it."""
     found = fit_step(*record(2, 12.0, 271.0, 2))
@@ -97,6 +98,7 @@ def test_the_response_to_a_decaying_load_equals_that_of_scipy(order, rate):
     assert found == pytest.approx(exact + respond(order, times), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_frames_that_cannot_tell_the_filter_bound_it():
     found = fit_step(*record(1, 100.0, 31.0, 3))
     assert "do not tell the filter from a jump" in found.reason
@@ -105,6 +107,7 @@ def test_frames_that_cannot_tell_the_filter_bound_it():
     assert 3 < found.cutoff.low < 100
 
 
+@pytest.mark.bench
 @pytest.mark.slow
 @pytest.mark.parametrize(("rate", "least"), [(271.0, 0.8), (31.0, 0.8)])
 def test_intervals_cover_over_orders_and_cutoffs(rate, least):
@@ -123,8 +126,11 @@ def test_intervals_cover_over_orders_and_cutoffs(rate, least):
     "spoil",
     [
         lambda times, sums, at: np.where(times > at + 0.5, 500, sums),
-        lambda _times, sums, _at: np.roll(sums, -14),
-        lambda times, sums, at: np.where((times > at + 0.1) & (times < at + 0.3), sums + 300, sums),
+        pytest.param(lambda _times, sums, _at: np.roll(sums, -14), marks=pytest.mark.slow),
+        pytest.param(
+            lambda times, sums, at: np.where((times > at + 0.1) & (times < at + 0.3), sums + 300, sums),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["lifted after half a second", "50 ms late", "a second touch"],
 )

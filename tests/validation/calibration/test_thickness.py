@@ -40,7 +40,7 @@ def profile(seen, method=None):
     return profile_thickness(fit, str)[0]
 
 
-@pytest.mark.parametrize("true", [1.5, 0.8])
+@pytest.mark.parametrize("true", [1.5, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_a_thickness_other_than_the_assumed_one_is_found(true):
     found = profile(observe(1, true, places=2, known=True))
     assert found.low < true * ASSUMED < found.high
@@ -93,6 +93,7 @@ def test_a_cover_that_does_not_change_with_its_thickness_has_none():
     assert (found.low, found.high) == (0, np.inf)
 
 
+@pytest.mark.slow
 def test_a_calibration_contains_the_range_of_thicknesses():
     """On a cover assumed too thin, the plain intervals of the line miss the truth; those with its thickness hold it."""
     curve = {"warm": -0.01, "dead_warm": 0.002}

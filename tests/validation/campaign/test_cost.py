@@ -22,6 +22,7 @@ CASES = (
 )
 
 
+@pytest.mark.slow
 def test_missing_solutions_are_counted_once_and_stored_ones_not(bonded, wts, tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
     cover = bonded(0.49)
@@ -113,6 +114,7 @@ def test_an_exhausted_budget_stops_the_solver_and_keeps_the_other_cases(bench, c
     assert [each.reason for each in result.skipped] == ["the budget of time is used up"] * 2
 
 
+@pytest.mark.slow
 def test_loads_of_the_built_in_campaign_are_lowered_on_soft_covers(wts):
     stiff, soft = (
         read_campaign(None, FlatPlaces(array=wts, cover=stack_layers((2e-3, modulus, 0.49)))) for modulus in (1e6, 2e4)

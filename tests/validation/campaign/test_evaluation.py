@@ -40,6 +40,7 @@ def test_the_cost_is_announced_before_the_long_computations(tmp_path, monkeypatc
     assert told[1] == "derived"
 
 
+@pytest.mark.slow
 def test_no_model_is_fitted_to_a_spare_case(monkeypatch):
     sensor, asked = load("wts-0614-34"), []
 

@@ -29,7 +29,9 @@ def draw_lognormal(random, shape):
 
 
 @pytest.mark.parametrize("draw", [draw_normal, draw_lognormal])
-@pytest.mark.parametrize("count", [3, 5, 17])
+@pytest.mark.parametrize(
+    "count", [3, pytest.param(5, marks=pytest.mark.slow), pytest.param(17, marks=pytest.mark.slow)]
+)
 def test_intervals_cover_from_three_to_seventeen_cases(draw, count):
     """The standard error of a coverage of 0.94 over 6000 draws is 0.003."""
     draws = draw(np.random.default_rng(count), (6000, count))
@@ -37,7 +39,7 @@ def test_intervals_cover_from_three_to_seventeen_cases(draw, count):
     assert 0.93 <= covered <= 0.975, covered
 
 
-@pytest.mark.parametrize("count", [3, 17])
+@pytest.mark.parametrize("count", [3, pytest.param(17, marks=pytest.mark.slow)])
 def test_intervals_of_skill_cover_with_errors_that_go_together(count):
     random = np.random.default_rng(count)
     common = draw_lognormal(random, (6000, count))

@@ -101,6 +101,7 @@ def test_bodies_that_overlap_or_lie_beside_the_array_are_refused_when_the_file_i
         assert (found.cases[0].name == "a") is (name is None)
 
 
+@pytest.mark.slow
 def test_bodies_too_deep_are_refused_or_marked_as_in_a_press_of_one():
     """The range and the refusal of a press of one ball on a cover of 2 mm, and a small body beside a heavy one."""
 

@@ -150,6 +150,7 @@ def test_groups_and_range_are_those_of_the_cases(bench, plan, result):
     assert found.failed == ("interrupted: codes are not verified, inputs not propagated, stages not scored",)
 
 
+@pytest.mark.slow
 def test_coarse_meshes_of_the_shell_converge_to_its_closed_form_alike_at_every_thickness(monkeypatch):
     monkeypatch.setattr(evidence, "_SHELL_MESHES", ((1.5, 2), (1.2, 2)))
     rubber = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)

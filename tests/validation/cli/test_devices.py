@@ -94,6 +94,7 @@ def test_another_device_on_the_port_and_a_second_client_are_refused(plug_in, sof
     assert "another program has it open" in errors
 
 
+@pytest.mark.slow
 def test_emulate_serves_a_port_until_it_is_stopped(tmp_path):
     port = tmp_path / "wts"
     words = ["emulate", str(port), "--show", "ramp", "--fault", "lose=0.05", "--json"]

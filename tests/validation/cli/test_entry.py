@@ -99,7 +99,7 @@ def test_the_keys_of_json_output_are_documented(softcover, command):
     assert set(json.loads(out)) <= set(re.findall(r"`(\w+)`", DOCUMENTED_KEYS.read_text()))
 
 
-@pytest.mark.parametrize("words", [["materials"], ["--help"]], ids=" ".join)
+@pytest.mark.parametrize("words", [pytest.param(["materials"], marks=pytest.mark.slow), ["--help"]], ids=" ".join)
 def test_a_reader_that_ends_early_is_told_nothing(words):
     """The pipe is closed before the command writes, as by `head` after its last line."""
     code = f"from validation.cli import main\nmain({words!r})"
@@ -153,6 +153,7 @@ def test_many_faults_of_one_file_are_counted(softcover, tmp_path):
     assert len(err.splitlines()) == 21
 
 
+@pytest.mark.slow
 def test_a_full_disk_behind_standard_error_ends_with_its_status():
     code = "from validation.cli import main; main(['derive', 'nothere'])"
     with Path("/dev/full").open("w") as full:

@@ -94,6 +94,7 @@ def test_all_missing_modules_and_their_extras_are_named_once(without_extras):
     )
 
 
+@pytest.mark.slow
 def test_one_line_names_all_extras_before_any_work(tmp_path):
     """A new process answers, which has imported no module of an extra."""
     (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")

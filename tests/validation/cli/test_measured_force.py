@@ -38,7 +38,10 @@ def press_stuck(cover, contact):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("solve", "index", "bound"), [(press_smooth, 0, "frictionless"), (press_stuck, 1, "no slip")])
+@pytest.mark.parametrize(
+    ("solve", "index", "bound"),
+    [pytest.param(press_smooth, 0, "frictionless", marks=pytest.mark.bench), (press_stuck, 1, "no slip")],
+)
 def test_the_modulus_and_the_bound_of_an_exact_solution_come_back(softcover, tmp_path, solve, index, bound):
     (tmp_path / "pad.toml").write_text(made_up(solve))
     status, out, _ = softcover("validate", "wts-0614-34", "--measured", "pad.toml", "--json")

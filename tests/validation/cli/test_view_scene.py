@@ -10,6 +10,7 @@ ARRAY = ARRAYS["wts-0614-34"]
 WEIGHT = 0.5 * 9.80665
 
 
+@pytest.mark.slow
 def test_the_indenter_comes_down_gently_and_carries_its_weight_round_the_circle():
     parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
     scene = Scene(parameters, Sphere(radius=5e-3), load=WEIGHT, method=Foundation(modulus=1e9))

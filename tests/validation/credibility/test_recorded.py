@@ -88,6 +88,7 @@ def test_an_error_beyond_u_val_is_resolved():
     assert compare((0.5, 0.5))["sum of counts"].resolved is True
 
 
+@pytest.mark.slow
 def test_an_assumed_cover_enters_with_its_range_of_ignorance():
     """The thickness of an assumed cover counts from half to three times, instead of the 2.5 % of a measured one."""
     inputs = dataclasses.replace(POSITION, position=0.0, thickness=0.025)
@@ -105,6 +106,7 @@ def test_an_assumed_cover_without_a_range_has_no_interval():
         assert error.resolved is None
 
 
+@pytest.mark.slow
 def test_a_fitted_pose_has_the_u_input_of_the_same_known_pose():
     """At a fitted pose the forces are interpolated in a lattice of poses, which a fit has computed before."""
     at, yaw = (0.4e-3, -0.7e-3), 0.2

@@ -60,6 +60,7 @@ def test_a_moved_indenter_moves_the_centre_of_pressure_by_as_much(bonded, wts):
         assert abs(moved[1 - axis]) < 2e-5
 
 
+@pytest.mark.slow
 def test_a_flat_face_does_not_feel_the_modulus_and_a_ball_not_its_yaw(bonded, wts):
     assert propagate_inputs(bonded(0.45), wts, BLOCK, only(modulus=0.2)).misplaced_total < 1e-6
     assert propagate_inputs(bonded(0.45), wts, BALL, only(yaw=0.1)).misplaced_total < 1e-5
@@ -74,6 +75,7 @@ def test_effects_are_proportional_to_small_uncertainties(bonded, wts):
         assert two.misplaced_total == pytest.approx(2 * one.misplaced_total, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_limit_of_the_poisson_ratio_is_one_sided(bonded, wts):
     inner, limit = (propagate_inputs(bonded(nu), wts, BALL, only(poisson_ratio=0.004)) for nu in (0.495, 0.5))
     assert limit.misplaced_total == pytest.approx(inner.misplaced_total, rel=0.2)
@@ -248,6 +250,7 @@ def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
         assert np.std(drawn) == pytest.approx(propagated, rel=0.25)  # 100 draws: 7 % of a standard deviation
 
 
+@pytest.mark.slow
 def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_line(results, wts_derivation, monkeypatch):
     def propagate(cover, array, case, inputs):
         if case.name == results[0].case.name:

@@ -105,6 +105,7 @@ def test_saturation_is_where_the_characteristic_reaches_the_largest_count():
     assert find_saturation(dataclasses.replace(square, characteristic=(0, 1.0, -1.0, 0, 0, 0))) is None
 
 
+@pytest.mark.bench
 @pytest.mark.slow
 def test_with_free_side_edges_the_share_is_that_of_the_cover_itself():
     from fem_reference.indentation.press import press

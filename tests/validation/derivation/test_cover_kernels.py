@@ -53,7 +53,14 @@ def test_kernels_of_texels_that_are_not_square_spread_alike_along_both_axes(deri
 
 
 @pytest.mark.parametrize(
-    ("poisson_ratio", "pitch_by_thickness"), [(0.3, 0.2), (0.0, 3.0), (0.49, 10.0), (0.0, 30.0), (0.499, 30.0)]
+    ("poisson_ratio", "pitch_by_thickness"),
+    [
+        (0.3, 0.2),
+        pytest.param(0.0, 3.0, marks=pytest.mark.slow),
+        pytest.param(0.49, 10.0, marks=pytest.mark.slow),
+        pytest.param(0.0, 30.0, marks=pytest.mark.slow),
+        (0.499, 30.0),
+    ],
 )
 def test_a_cell_yields_under_its_own_pressure_as_its_parts_together(
     derivation, bonded, poisson_ratio, pitch_by_thickness
@@ -76,6 +83,7 @@ def soft_between_stiff(bonded):
     return Cover(layers=layers)
 
 
+@pytest.mark.slow
 def test_kernels_of_a_very_soft_layer_between_stiff_ones_are_wide(soft_between_stiff):
     array, spread = TexelArray.grid(4, 4, 2.5e-3), point_spread(soft_between_stiff)
     assert spread.half_width > 3 * soft_between_stiff.thickness

@@ -53,6 +53,7 @@ def test_presses_agree_with_the_reference_on_the_same_mesh(cover, mesh, fast, sh
     np.testing.assert_allclose(found.force, known.force, atol=1e-2 * load)
 
 
+@pytest.mark.slow
 def test_in_the_middle_of_a_pad_no_remainder_is_left():
     """There the elements and the layer, which is solved in the wave-number domain, describe the same cover."""
     cover = flat_pad(size=(24e-3, 24e-3), rows=2)

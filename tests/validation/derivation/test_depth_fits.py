@@ -29,7 +29,11 @@ def test_depths_are_those_of_the_elements_and_what_they_leave_open_is_said(deriv
 
 @pytest.mark.parametrize(
     ("thickness", "contacts"),
-    [(2e-3, [0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3]), (6e-3, [1.5e-3, 3e-3, 4e-3]), (9e-3, [1e-3, 2e-3, 4e-3])],
+    [
+        pytest.param(2e-3, [0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3], marks=pytest.mark.slow),
+        (6e-3, [1.5e-3, 3e-3, 4e-3]),
+        pytest.param(9e-3, [1e-3, 2e-3, 4e-3], marks=pytest.mark.slow),
+    ],
 )
 def test_radii_of_the_contact_follow_the_thickness_up_to_80_percent_of_the_sphere(thickness, contacts):
     """Where fewer than three of 1/4, 1/2, 3/4, 1 and 3/2 thicknesses remain, they follow the sphere."""

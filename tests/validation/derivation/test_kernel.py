@@ -112,6 +112,7 @@ def test_a_texel_alone_separates_by_its_width():
     assert triangle == pytest.approx(1.265 * 3.4e-3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_separation_has_a_trend_with_the_thickness(derivation):
     array = derivation.sensor.array
     covers = (stack_layers((thickness, 1e6, 0.49)) for thickness in (0.5e-3, 1e-3, 3e-3, 4e-3))
@@ -173,6 +174,7 @@ def test_sensitivity_to_poisson_ratio_is_that_of_real_runs(ratio):
     assert sensitivity([(2e-3, 1e6, ratio)])["poisson_ratio"] == pytest.approx((high - low) / 0.01, rel=0.01)
 
 
+@pytest.mark.slow
 def test_sensitivity_at_the_end_of_the_range_is_of_second_order():
     """A plain one-sided difference is 5 % off here."""
     end, near = sigma([(2e-3, 1e6, 0.5)]), sigma([(2e-3, 1e6, 0.4995)])
@@ -220,6 +222,7 @@ def test_sensitivities_of_two_layers_are_those_of_real_runs():
     assert found["poisson_ratio"] == pytest.approx((sigma(layers()) - sigma(layers(step=0.002))) / 0.002, rel=0.02)
 
 
+@pytest.mark.slow
 def test_youngs_modulus_drops_out_of_the_point_spread(derivation):
     assert derivation.result.sensitivity["youngs_modulus"] == 0
     stiff, soft = derivation.point_spread, point_spread(stack_layers((2e-3, 1e4, 0.49)))

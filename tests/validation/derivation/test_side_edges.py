@@ -115,6 +115,7 @@ def test_what_only_a_wide_cover_has_is_left_out_plainly(derivation, path, capsys
     assert "resolution" not in shown
 
 
+@pytest.mark.slow
 def test_budget_below_one_case_is_refused_in_one_line_before_any_work(path, tmp_path, capsys):
     with pytest.raises(SystemExit) as left:
         main(["validate", str(path), "--budget", "2 s", "--out", str(tmp_path / "report")])

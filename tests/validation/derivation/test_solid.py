@@ -41,7 +41,12 @@ def test_derived_files_can_be_loaded(derivation, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("turned", "named"),
-    [((), ""), ((4,), "4"), ((0, 3, 7), "0, 3, 7"), (range(9), "6, 7 and 1 more")],
+    [
+        ((), ""),
+        pytest.param((4,), "4", marks=pytest.mark.slow),
+        pytest.param((0, 3, 7), "0, 3, 7", marks=pytest.mark.slow),
+        (range(9), "6, 7 and 1 more"),
+    ],
 )
 def test_texels_without_a_surface_above_them_are_named(derivation, turned, named):
     """Their normals point away from the cover; texels that are switched off do not count."""

@@ -51,6 +51,7 @@ def test_contacts_on_few_cells_do_not_count_and_the_worse_point_does(derivation)
     assert _find_limit(presses.load, misplaced.max(axis=0), 0.02) == 0
 
 
+@pytest.mark.slow
 def test_tension_takes_force_away_and_the_contact_can_be_removed(bonded):
     cover = bonded(0.45)
     spread = point_spread(cover)
@@ -71,7 +72,7 @@ def test_tension_takes_force_away_and_the_contact_can_be_removed(bonded):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("radius", [2e-3, 8e-3])
+@pytest.mark.parametrize("radius", [2e-3, pytest.param(8e-3, marks=pytest.mark.bench)])
 def test_under_a_foil_the_tables_put_the_force_where_finite_strain_has_it(derivation, radius):
     array = TexelArray.grid(8, 8, 2.5e-3)
     spread = point_spread(COVER)

@@ -167,6 +167,7 @@ def test_a_way_with_many_corners_is_refused(tmp_path):
     assert "149 corners" in fault
 
 
+@pytest.mark.slow
 def test_loads_are_lowered_as_those_of_other_cases():
     soft = stack_layers((2e-3, 1e5, 0.49))
     places = dataclasses.replace(PLACES, cover=soft)

@@ -331,9 +331,11 @@ def follow_with(bench, case):
 @pytest.mark.parametrize(
     ("design", "high", "words"),
     [
-        (Butterworth(cutoff_hz=20.0, order=2), None, "order 2, 20 Hz, frames at 271 Hz"),
+        pytest.param(
+            Butterworth(cutoff_hz=20.0, order=2), None, "order 2, 20 Hz, frames at 271 Hz", marks=pytest.mark.slow
+        ),
         (Butterworth(cutoff_hz=35.0, order=3), 0.5, "order 3, 35 Hz, above 0.5 Hz, frames at 271 Hz"),
-        (None, 0.5, "above 0.5 Hz, frames at 271 Hz"),
+        pytest.param(None, 0.5, "above 0.5 Hz, frames at 271 Hz", marks=pytest.mark.slow),
         (None, None, "frames at 271 Hz"),
     ],
 )

@@ -37,7 +37,7 @@ pytestmark = pytest.mark.filterwarnings("error::fastmodel.OptionWarning")
 
 #: Groups that need no finite elements.
 WITHOUT_ELEMENTS = [
-    pytest.param(name, marks=[pytest.mark.slow] * (name == "calibration"))
+    pytest.param(name, marks=[pytest.mark.slow] * (name in ("calibration", "in time")))
     for name in EXPERIMENTS
     if name not in WITH_ELEMENTS
 ]
@@ -76,7 +76,7 @@ def find_changes(parameters, *groups):
 
 
 @pytest.mark.parametrize(
-    "name", [*REQUIRED, *NEIGHBOURS, *(pytest.param(name, marks=pytest.mark.slow) for name in IN_TIME)]
+    "name", [*REQUIRED, *(pytest.param(name, marks=pytest.mark.slow) for name in (*NEIGHBOURS, *IN_TIME))]
 )
 def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
     plant, title = (REQUIRED | NEIGHBOURS | IN_TIME)[name]
@@ -86,6 +86,7 @@ def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
     assert title in find_changes(parameters, group)
 
 
+@pytest.mark.slow
 def test_a_step_response_that_is_too_fast_changes_the_fitted_filter_alone(monkeypatch):
     healthy("in time")
     whole = step_response.respond
@@ -102,7 +103,7 @@ def measured_reference(derivation, groups):
     return measure_groups(derivation.parameters, groups, derivation)
 
 
-@pytest.mark.parametrize("factor", [1.03, 0.97])
+@pytest.mark.parametrize("factor", [1.03, pytest.param(0.97, marks=pytest.mark.slow)])
 def test_a_fit_that_gives_another_sigma_is_named(wts_derivation, factor, monkeypatch):
     before = measured_reference(wts_derivation, ["kernel"])
     healthy_fit = kernel_fit.fit_gaussian
@@ -128,6 +129,7 @@ def test_shipped_parameters_that_are_not_those_derived_are_named(wts_derivation,
     assert (change.quantity, change.label) == ("shipped parameters: difference", "spread")
 
 
+@pytest.mark.slow
 def test_accuracy_is_that_of_the_derived_parameters_on_the_cover_of_the_sensor(wts_derivation, monkeypatch):
     cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
     default = evaluation.read_plan(None, wts_derivation.sensor)

@@ -11,6 +11,7 @@ import fem_reference
 import validation.calibration.calibrate as calibration
 from fastmodel import Electronics
 from fastmodel.adapters import rigid_models
+from tests.support.coarse_cells import coarse_cells
 from tests.validation.regression.planted import edit, measure_groups, take_every
 from validation import data_sheet, verdict
 from validation.calibration.calibrate import Calibration
@@ -148,8 +149,8 @@ PLANTS = {
 
 @pytest.fixture(scope="module", autouse=True)
 def few_cases():
-    """Take every eighth case of the default campaigns."""
-    with take_every(8):
+    """Take every eighth case of the default campaigns, and few cells."""
+    with take_every(8), coarse_cells():
         yield
 
 

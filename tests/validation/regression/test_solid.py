@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fastmodel
+from tests.support.coarse_cells import coarse_cells
 from tests.validation.regression.planted import take_every
 from validation.derivation.derive import derive
 from validation.regression.baseline import check_sensor, compare, make_baseline
@@ -88,12 +89,12 @@ def test_cases_on_a_curved_cover_are_guarded(small_pad, derivation, tmp_path):
             pass
 
     path = tmp_path / "baseline.json"
-    with take_every(4):
+    with take_every(4), coarse_cells():
         first = check_sensor(small_pad, path, update=True, progress=Progress())
     assert not first.failures
     assert {"reference: depth", "accuracy: misplaced force"} <= set(first.now.readings)
     spoilt = change_surface(derivation.parameters, influence=lambda v: np.roll(v, 1, axis=0))
-    with take_every(4):
+    with take_every(4), coarse_cells():
         changed = take(Subject(parameters=spoilt, derivation=derivation), ("reference", "accuracy"))
     before = replace(first.now, readings={k: first.now.readings[k] for k in changed.readings})
     titles = {each.quantity for each in compare(before, changed, {})}

@@ -86,6 +86,7 @@ def test_the_information_of_a_count_is_that_of_its_probabilities(noise):
     assert found == pytest.approx(exact, rel=0.04, abs=4e-3 / noise**2)
 
 
+@pytest.mark.slow
 def test_the_posterior_is_the_bound_where_the_bound_counts(study):
     gains = tuple(np.random.default_rng(1).uniform(0.8, 1.2, WTS.array.count).tolist())
     electronics = Electronics(rate_hz=100.0, sensitivity=1000.0, offset=50.0, gains=gains)
@@ -118,6 +119,7 @@ def check_likelihood(study, place):
     assert spread / np.sqrt(np.diagonal(covariance[0])) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["wts-0614-34", "sdh2-distal"])
 def test_the_most_likely_place_and_force_reach_the_bound(sensor):
     found = validation.load(sensor)
@@ -160,6 +162,7 @@ def test_errors_and_least_force_are_proportional_to_the_noise(study):
     assert least[1] == pytest.approx(3 * least[0])
 
 
+@pytest.mark.slow
 def test_a_single_texel_knows_a_pitch_and_no_more(study, counts):
     unknown = study.pitch[0] / np.sqrt(12)
     dark, one = (by_name(see(study, counts, load=load))["place x, force known"] for load in (0.1, 0.3))
@@ -199,6 +202,7 @@ def test_the_command_the_function_and_the_map_agree(softcover, tmp_path):
     assert printed["thicknesses"][0]["thickness_m"] == 1e-3
 
 
+@pytest.mark.slow
 def test_a_sensor_without_noise_is_said_to_have_one_count(softcover):
     status, out, _ = softcover("limits", "wts-0614-34")
     assert status == 0

@@ -33,7 +33,9 @@ def test_a_client_that_waits_for_a_tag_gets_one_and_then_frames(plug_in, options
     client.close()
 
 
-@pytest.mark.parametrize("pattern", ["zero", "corner", "ramp"])
+@pytest.mark.parametrize(
+    "pattern", [pytest.param("zero", marks=pytest.mark.slow), pytest.param("corner", marks=pytest.mark.slow), "ramp"]
+)
 def test_a_client_that_streams_run_length_frames_decodes_them(plug_in, pattern):
     client = MessageClient(plug_in(show_pattern(pattern)).name)
     found = stream_run_length(client, 60)

@@ -79,12 +79,14 @@ def test_damage_on_the_line_becomes_gaps_and_never_wrong_values(plug_in):
     assert all(a.ticks in marked for a, b in steps)
 
 
+@pytest.mark.slow
 def test_a_command_is_repeated_when_its_answer_is_lost(plug_in):
     wrong = Misbehaviour(rates={"lose": 0.3}, seed=1)
     with Sensor(plug_in(misbehaviour=wrong).name, timeout=0.05) as sensor:
         assert [sensor.read_threshold() for _ in range(5)] == [0] * 5
 
 
+@pytest.mark.slow
 def test_a_pause_of_the_device_becomes_gaps_and_the_stream_goes_on(plug_in):
     """However late the stream starts, 70 frames do not fit between two pauses."""
     wrong = Misbehaviour(pauses=tuple((start, start + 0.3) for start in np.arange(0.2, 30, 0.5)))
@@ -104,6 +106,7 @@ def test_a_stream_that_another_client_left_running_is_stopped(plug_in):
         assert take(sensor, 20)[1] == []
 
 
+@pytest.mark.slow
 def test_a_port_that_comes_back_is_opened_again_with_the_settings_made(plug_in, tmp_path):
     link = tmp_path / "sensor"
     first, attempts = plug_in(link=link), iter(range(100))
@@ -193,6 +196,7 @@ def test_control_c_stops_the_device(plug_in):
     assert port.sensor.next_due == np.inf
 
 
+@pytest.mark.slow
 def test_a_slow_consumer_loses_frames_and_sees_the_gap(plug_in):
     with Sensor(plug_in().name, buffer_bytes=4000) as sensor:
         stream = sensor.stream()

@@ -26,6 +26,7 @@ def sticky(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_press_takes_the_friction_of_the_file_unless_the_option_replaces_it(softcover, sticky):
     def press(*options):
         status, out, _ = softcover("press", "s.toml", *FACE, "--model", "fem", *options)
@@ -70,6 +71,7 @@ def test_without_friction_nothing_is_said_of_it(softcover, command):
     assert "friction" not in out + err
 
 
+@pytest.mark.slow
 def test_beside_the_finite_elements_the_fast_model_says_that_they_alone_use_friction(softcover):
     status, _, err = softcover("press", "wts-0614-34", *FACE, "--friction", "no-slip")
     assert status == 0

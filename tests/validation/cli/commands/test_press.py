@@ -46,6 +46,7 @@ def test_the_fast_model_alone_needs_no_finite_elements_also_from_a_derived_folde
     assert built_in["scores"] is None
 
 
+@pytest.mark.slow
 def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatch):
     monkeypatch.setattr("fem_reference.finite_strain.contact_problem._SETTINGS", PathSettings(iterations=1))
     press = ("press", "wts-0614-34", "--material", "ecoflex-00-30", "--indenter", "sphere:radius=5mm", "--load", "1N")

@@ -36,6 +36,7 @@ def refuse_to_draw():
     raise RenderingError("no graphics in this test")
 
 
+@pytest.mark.slow
 def test_out_writes_contact_and_fields_that_others_can_read(softcover, tmp_path, monkeypatch):
     pyvista = pytest.importorskip("pyvista")
     # nothing is drawn in three dimensions, which takes most of the time: `scene/test_draw.py` tests that
@@ -72,6 +73,7 @@ def test_hexahedra_fill_the_block(tmp_path):
     assert volumes.sum() == pytest.approx(np.prod(np.ptp(turned, axis=0)) * 2e-3)
 
 
+@pytest.mark.slow
 def test_a_curve_is_the_points_of_a_path_and_is_drawn(softcover, tmp_path):
     folder = tmp_path / "curve"
     status, out, _ = softcover(*TOUCH, "--curve", "2", "--out", str(folder), "--json")

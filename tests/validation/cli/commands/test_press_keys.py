@@ -45,6 +45,7 @@ def test_flat_and_curved_presses_have_the_same_keys_and_a_second_one_is_read(sof
         assert each["scores"]["misplaced_force"] == pytest.approx(each["models"]["fast"]["misplaced_force"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_moment_of_a_press_is_its_load_times_its_place(softcover):
     words = ("press", "wts-0614-34", *BALL, "--at=2mm,-3mm", "--model", "fem", "--json")
     fem = json.loads(softcover(*words)[1])["models"]["fem"]

@@ -72,6 +72,7 @@ def test_verdict_on_a_folder_of_parameters(regress, parameters, tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_a_change_is_told_and_stored(stored, regress, parameters, tmp_path):
     before = (tmp_path / "baseline.json").read_text().splitlines()
     other = replace(parameters, electronics=replace(parameters.electronics, sensitivity=1050.0))
@@ -113,6 +114,7 @@ def test_json_holds_changes_and_all_values(stored, regress, parameters):
     assert found["quantities"]["filter: rise time"]["unit"] == "ms"
 
 
+@pytest.mark.slow
 def test_what_cannot_be_measured_any_more_is_red_and_says_why(stored, regress, parameters):
     dead = replace(parameters, electronics=replace(parameters.electronics, gains=(0.0,) * 40))
     status, out, err = regress(changed=dead)
@@ -135,6 +137,7 @@ def test_a_baseline_of_another_sensor_is_neither_compared_nor_replaced(stored, r
     path.write_bytes(before)
 
 
+@pytest.mark.bench  # `.ci/run` runs the check of this sensor
 @pytest.mark.slow
 def test_a_built_in_sensor_is_derived_and_scored(softcover, tmp_path):
     data = json.loads((ROOT / ".ci" / "wts-0614-34.json").read_text())

@@ -14,6 +14,7 @@ from validation.campaign.results import OUT_OF_BUDGET
 from validation.moving import run
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
 def test_recordings_of_another_array_are_refused(softcover):
     status, _, err = softcover("validate", "wts-0614-34", "--recordings", RECORDINGS)
@@ -23,6 +24,7 @@ def test_recordings_of_another_array_are_refused(softcover):
 
 
 @pytest.mark.slow
+@pytest.mark.bench  # `.ci/run` runs it as README says
 def test_demo_writes_report_scores_and_parameters(softcover, tmp_path):
     recordings = [] if RECORDINGS is None else ["--recordings", RECORDINGS]
     status, out, err = softcover("demo", "--json", *recordings)
@@ -68,7 +70,11 @@ TAP = "[[moving]]\nname = 'tap'\nindenter = 'sphere:radius=4mm'\ntime = ['0 s', 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("stop", "status", "why"), [(KeyboardInterrupt, 130, "interrupted"), (OutOfBudgetError, 1, OUT_OF_BUDGET)]
+    ("stop", "status", "why"),
+    [
+        (KeyboardInterrupt, 130, "interrupted"),
+        pytest.param(OutOfBudgetError, 1, OUT_OF_BUDGET, marks=pytest.mark.bench),
+    ],
 )
 def test_a_stopped_moving_case_ends_as_any_other(softcover, monkeypatch, stop, status, why):
     """One case does not decide (1); nothing further is computed after an interruption."""
