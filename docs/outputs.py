@@ -37,6 +37,7 @@ QUICK = (
     "softcover datasheet wts-0614-34 --compare sdh2-proximal takkstrip",
     "softcover limits wts-0614-34 --noise 5mN --two 3.4mm",
     'softcover sweep sweep.toml --wish "place_x_force_known < 400 um"',
+    "softcover design wts-0614-34 --thickness 1mm:5mm:5 --hardness 30A:60A:2 --noise 5mN",
     "softcover export wts-0614-34 --format urdf --mass 20g --out urdf",
     "softcover export wts-0614-34 --out parameters",
     "softcover press wts-0614-34 --indenter sphere:radius=5mm --load 500g --model fast",

@@ -13,14 +13,17 @@ Elasticity, chapter 15, with zero x and y components of the vector potential).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from scipy.fft import dctn
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.special import j0, spherical_jn
 
-from meshes import Cover, Layer
+from meshes import Cover, Layer, Material
 from meshes.array_types import FloatArray
+from meshes.cover import Base
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,14 +262,50 @@ _INFLUENCE = InfluenceSettings()
 _DISTANCES = np.linspace(6.0, 60.0, 109)
 
 
-def find_reach(cover: Cover) -> float:
-    """Find the distance from a point load beyond which the pressure on the base is negligible [m]."""
-    pressure = np.abs(point_response(cover, cover.thickness * _DISTANCES))
-    largest = abs(float(point_response(cover, 0.0)))
-    left = np.flatnonzero(pressure > _INFLUENCE.negligible * largest)
-    return float(
-        cover.thickness * _DISTANCES[min(left[-1] + 1, len(_DISTANCES) - 1)] if len(left) else 6 * cover.thickness
+#: Nodes of the base pressure over the product of wave number and thickness [-].
+_WAVES = np.linspace(0.0, _SETTINGS.large, 6000)
+
+
+@lru_cache(maxsize=256)
+def _solve_stack(layers: tuple[tuple[float, float, float], ...], base: Base) -> tuple[float, FloatArray]:
+    """Compute what covers with layers of equal proportions have in common.
+
+    Args:
+        layers: Thickness over that of the cover, shear modulus over that of the top and Poisson ratio of each layer.
+        base: Support of the bottom layer.
+
+    Returns:
+        Distance from a point load beyond which the pressure on the base is negligible, over the thickness [-], and
+        pressure on the base per pressure on the top at `_WAVES`, shape (n,) [-].
+    """
+    made = [
+        Layer(
+            thickness=part,
+            material=Material(
+                name="", model="linear-elastic", parameters={"youngs_modulus": 2 * mu * (1 + nu)}, poisson_ratio=nu
+            ),
+        )
+        for part, mu, nu in layers
+    ]
+    cover = Cover(layers=tuple(made), base=base)
+    pressure = np.abs(point_response(cover, _DISTANCES))
+    left = np.flatnonzero(pressure > _INFLUENCE.negligible * abs(float(point_response(cover, 0.0))))
+    reach = float(_DISTANCES[min(left[-1] + 1, len(_DISTANCES) - 1)]) if len(left) else 6.0
+    return reach, transfer(cover, _WAVES).base
+
+
+def _scale_stack(cover: Cover) -> tuple[float, FloatArray]:
+    """Return `_solve_stack` of a cover; covers that differ in scale and rounding alone have it in common."""
+    top = cover.layers[-1].material.shear_modulus
+    parts = ((each.thickness / cover.thickness, each.material.shear_modulus / top) for each in cover.layers)
+    ratios = (each.material.poisson_ratio for each in cover.layers)
+    return _solve_stack(
+        tuple((round(h, 12), float(f"{mu:.12g}"), nu) for (h, mu), nu in zip(parts, ratios, strict=True)), cover.base
     )
+
+
+#: Points of a grid over the scattered points that a spline evaluates in the same time [-].
+_GRID = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -297,6 +336,33 @@ class TexelResponse:
         out[near] = self.table.ev(x[near], y[near])
         return out
 
+    def between(self, points: FloatArray, centres: FloatArray) -> FloatArray:
+        """Interpolate the share of unit point loads that texels receive; fast where they lie on grids.
+
+        Args:
+            points: Positions of k loads, shape (k, 2) [m].
+            centres: Centres of n texels, shape (n, 2) [m].
+
+        Returns:
+            Shares, shape (k, n) [-].
+        """
+        lines, places = [], []
+        for axis in range(2):
+            (at, point), (middle, texel) = (np.unique(e[:, axis], return_inverse=True) for e in (points, centres))
+            apart = np.abs(at[:, None] - middle).ravel()
+            order = np.argsort(apart)
+            rank = np.empty_like(order)
+            rank[order] = np.arange(len(order))
+            lines.append(apart[order])
+            places.append(rank.reshape(len(at), len(middle))[point[:, None], texel])
+        if len(lines[0]) * len(lines[1]) > _GRID * len(points) * len(centres):
+            apart = points[:, None] - centres
+            return self(apart[..., 0], apart[..., 1])
+        near = [line[line <= half] for line, half in zip(lines, self.half, strict=True)]
+        found = np.zeros((len(lines[0]), len(lines[1])))
+        found[: len(near[0]), : len(near[1])] = self.table(near[0], near[1])
+        return np.asarray(found[places[0], places[1]])
+
 
 def tabulate_texel_response(cover: Cover, size: tuple[float, float], radius: float = 0.0) -> TexelResponse:
     """Tabulate the share of a unit load that a texel receives, over the position of the load, within 1e-8.
@@ -310,29 +376,26 @@ def tabulate_texel_response(cover: Cover, size: tuple[float, float], radius: flo
         size: Edge lengths of the texel along x and y [m].
         radius: Radius of the loaded circle, 0 for a point [m].
     """
-    reach = find_reach(cover) + radius
-    half = tuple(edge / 2 + reach for edge in size)
+    far, waves = _scale_stack(cover)
+    half = tuple(edge / 2 + far * cover.thickness + radius for edge in size)
     count = [
-        min(_INFLUENCE.most_points, 2 * int(np.ceil(each * _INFLUENCE.resolution / cover.thickness))) for each in half
+        min(_INFLUENCE.most_points // 2, int(np.ceil(each * _INFLUENCE.resolution / cover.thickness))) for each in half
     ]
-    spacing = [2 * each / n for each, n in zip(half, count, strict=True)]
-    kx, ky = (2 * np.pi * np.fft.fftfreq(n, d) for n, d in zip(count, spacing, strict=True))
-    ky = np.abs(ky[: count[1] // 2 + 1])
-    radial = np.linspace(0.0, float(np.hypot(np.abs(kx).max(), ky.max())), 6000)
-    base = CubicSpline(
-        radial, transfer(cover, np.minimum(radial, 60.0 / cover.thickness)).base * _transform(radial * radius)
+    spacing = [each / n for each, n in zip(half, count, strict=True)]
+    kx, ky = (np.pi / each * np.arange(n + 1) for each, n in zip(half, count, strict=True))
+    base = CubicSpline(_WAVES, waves * hertz_transform(_WAVES * radius / cover.thickness))
+    spectrum = base(np.minimum(cover.thickness * np.hypot(kx[:, None], ky), _WAVES[-1])) * np.outer(
+        np.sinc(kx * size[0] / (2 * np.pi)), np.sinc(ky * size[1] / (2 * np.pi))
     )
-    spectrum = base(np.hypot(kx[:, None], ky)) * np.outer(
-        size[0] * np.sinc(kx * size[0] / (2 * np.pi)), size[1] * np.sinc(ky * size[1] / (2 * np.pi))
-    )
-    share = np.fft.irfft2(spectrum, s=count) / (spacing[0] * spacing[1])
+    # The share is even along x and y, so that cosine transforms of a quarter of the plane suffice.
+    share = dctn(spectrum, type=1) * (size[0] * size[1] / (4 * half[0] * half[1]))
     # Keep some points beyond each axis of symmetry, so that the spline has no end on the axis.
-    axes = [d * np.arange(-4, n // 2 + 1) for n, d in zip(count, spacing, strict=True)]
-    index = [np.arange(-4, n // 2 + 1) % n for n in count]
+    axes = [d * np.arange(-4, n + 1) for n, d in zip(count, spacing, strict=True)]
+    index = [np.abs(np.arange(-4, n + 1)) for n in count]
     table = RectBivariateSpline(axes[0], axes[1], share[np.ix_(*index)], kx=5, ky=5)
     return TexelResponse(half=(float(axes[0][-1]), float(axes[1][-1])), table=table)
 
 
-def _transform(product: FloatArray) -> FloatArray:
+def hertz_transform(product: FloatArray) -> FloatArray:
     """Return the transform of the pressure of Hertz over its force, at wave number times radius, shape (m,) [-]."""
     return np.where(product > 0, 3 * spherical_jn(1, product) / np.where(product > 0, product, 1.0), 1.0)

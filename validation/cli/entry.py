@@ -62,7 +62,7 @@ _PLAIN = {"±": "+-", "²": "2", "°": " deg", "µ": "u", "×": "x", "–": "-",
 _MOST_LINES = 50
 #: Commands by purpose, in the order of the help page.
 _GROUPS = {
-    "Design": ("init", "materials", "derive", "mesh", "datasheet", "limits", "sweep"),
+    "Design": ("init", "materials", "derive", "mesh", "datasheet", "limits", "design", "sweep"),
     "Simulate": ("press", "view", "export"),
     "Prove": ("demo", "validate", "regress"),
     "Real sensor": ("record", "replay", "import", "calibrate", "emulate"),

@@ -174,7 +174,7 @@ class Study:
         return np.asarray(self.channel.is_lit(forces).sum(axis=1) >= _LIT)
 
     def sample(self, truths: FloatArray, half: FloatArray, frames: int, *, known: bool, seed: int = 0) -> FloatArray:
-        """Return the mean variance of the posterior of x, y [m2] and force [N2] over frames, shape (3,).
+        """Return the mean variance of the posterior of x, y [m2] and force [N2] over frames, shape (k, 3).
 
         Args:
             truths: Places of the touches, shape (k, 2) [m]; one place if the force is unknown or `half` is finite.
@@ -191,11 +191,14 @@ class Study:
         grid, weight = self._list_forces(exact[0, self.seen], shares, known=known)
         cases = (grid[..., None] * shares[:, None]).reshape(-1, len(self.seen))
         odds = self.channel.log_likelihood(reading, cases, self.seen) + weight.reshape(-1)
-        odds = np.exp(odds - odds.max(axis=1, keepdims=True))
-        odds /= odds.sum(axis=1, keepdims=True)
+        odds -= odds.max(axis=1, keepdims=True)
+        np.exp(odds, out=odds)
         values = np.column_stack([np.repeat(places, grid.shape[1], axis=0), grid.reshape(-1) - self.load])
-        mean = odds @ values
-        return np.asarray(np.maximum(odds @ values**2 - mean**2, 0.0).mean(axis=0))
+        total, mean, square = np.split(
+            odds @ np.column_stack([np.ones(len(values)), values, values**2]), [1, 4], axis=1
+        )
+        variance = np.maximum(square / total - (mean / total) ** 2, 0.0)
+        return np.asarray(variance.reshape(len(truths), frames, -1).mean(axis=1))
 
     @cached_property
     def seen(self) -> IntArray:
@@ -255,10 +258,12 @@ class Study:
         covariance, forces = self.bound(self.places, size)
         bound[:, :size] = np.diagonal(covariance, axis1=1, axis2=2)
         regular = self.judge(forces, np.sqrt(bound[:, :2]))
-        posterior = np.array([
-            self.sample(place[None], _WIDE * each if fits else np.full(2, np.inf), _FRAMES, known=known, seed=seed)
-            for seed, (place, each, fits) in enumerate(zip(self.places, np.sqrt(bound[:, :2]), regular, strict=True))
-        ])  # fmt: skip
+        posterior = np.zeros((len(self.places), 3))
+        if known and not regular.all():  # one list of cases serves all places
+            posterior[~regular] = self.sample(self.places[~regular], np.full(2, np.inf), _FRAMES, known=True)
+        for place in np.flatnonzero(regular | (not known)).tolist():
+            half = _WIDE * np.sqrt(bound[place, :2]) if regular[place] else np.full(2, np.inf)
+            posterior[place] = self.sample(self.places[[place]], half, _FRAMES, known=known, seed=place)[0]
         return bound, posterior, regular
 
     def bound(self, places: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
@@ -376,8 +381,7 @@ def find_place_error(study: Study, frames: int = _FRAMES) -> float:
     regular = study.judge(forces, np.sqrt(variance))
     total = variance[regular].sum(axis=0)
     if not regular.all():
-        blurred = study.places[~regular]
-        total = total + len(blurred) * study.sample(blurred, np.full(2, np.inf), frames, known=True)[:2]
+        total = total + study.sample(study.places[~regular], np.full(2, np.inf), frames, known=True)[:, :2].sum(axis=0)
     return float(np.sqrt(total.mean() / len(regular)))
 
 
@@ -425,8 +429,8 @@ def find_limits(
         least = counted.find_least_force(other.respond(np.zeros((1, 2)))[0])
         curve.append({
             "thickness_m": thickness,
-            "ideal_m": find_place_error(replace(other, channel=ideal), _MAP_FRAMES),
-            "counted_m": find_place_error(other, _MAP_FRAMES),
+            "ideal_m": find_place_error(replace(other, channel=ideal)),
+            "counted_m": find_place_error(other),
             "least_force_N": _finite(least),
         })  # fmt: skip
     return Limits(

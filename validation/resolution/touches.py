@@ -124,8 +124,7 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
 
         def respond(points: FloatArray, axes: FloatArray, radius: float, among: IntArray) -> FloatArray:
             del axes
-            apart = points[:, None, :2] - centres[among]
-            return tabulate(radius)(apart[..., 0], apart[..., 1])
+            return tabulate(radius).between(points[:, :2], centres[among])
     else:
         from fem_reference.linear_response.finite_cover import solid_influence
         from validation.derivation.contact_range import linearise

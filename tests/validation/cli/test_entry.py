@@ -30,6 +30,8 @@ SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--fric
     "--noise",
     "--two",
     "--radius",
+    "--pitch",
+    "--ball",
 }
 
 
@@ -90,6 +92,7 @@ def test_unwritable_out_is_found_before_the_work(softcover, command, without_ref
         "datasheet sdh2-distal",
         "export wts-0614-34",
         "limits sdh2-distal --noise 5mN",
+        "design sdh2-distal --thickness 2mm --noise 5mN",
         "view wts-0614-34 --indenter tip --load 1N --seconds 0.1",
     ],
 )

@@ -34,6 +34,7 @@ export WTS --thickness 1mm | fem
 view WTS BALL --thickness 1mm | fem
 datasheet WTS --thickness 1mm | fem
 limits WTS | fem
+design WTS --thickness 2mm --out page | fem,report
 calibrate a.mcap --sensor WTS --picture left-out.png | device,report,fem
 calibrate data.toml --sensor WTS --picture left-out.png | device,report,fem
 replay a.mcap | device

@@ -77,6 +77,22 @@ limits WTS --thicknesses 6mm:1mm | --thicknesses: '6mm:1mm' must rise
 limits WTS --thicknesses 3mm | is not FROM:TO
 limits fingertip --thicknesses 1mm:2mm | --thicknesses: the curve is computed for flat covers
 limits WTS --picture map.pdf | map.pdf is neither .png nor .svg
+design WTS --thickness 5mm:1mm | --thickness: '5mm:1mm' must rise
+design WTS --thickness 1:5mm | --thickness: '1' has no unit
+design WTS --thickness=-1mm:5mm | --thickness: '-1mm' must lie within 0.01mm:100mm
+design WTS --thickness 1mm:5mm:0 | in two steps or more
+design WTS --thickness 1mm:2mm:3:4 | is not FROM:TO or FROM:TO:COUNT
+design WTS --pitch 2:5mm | --pitch: '2' has no unit
+design WTS --hardness 10A:40A | --hardness: the relations hold for 20..80 Shore A
+design WTS --hardness 22A:40A | with its tolerance of 5
+design WTS --hardness 30A:60 | has no scale
+design WTS --hardness 30A:60shore-00 | mixes two scales
+design WTS --tolerance 5 | --tolerance: is that of --hardness
+design WTS --radius 1mm --ball 5mm | give one of them
+design WTS --thickness 1mm:5mm:1000 --pitch 2mm:5mm:1000 --out page | = 1000000 designs
+design WTS --load 0N | --load: must be positive
+design no.toml | no.toml: no such file or built-in sensor
+design fingertip | curved cover need finite elements; describe them in a file for softcover sweep
 materials dragonskn-30 | did you mean 'dragon-skin-30'
 materials --hardness 90 | --hardness: the relations hold for 20..80 Shore A
 materials --hardness soft | --hardness: 'soft' is not a hardness
