@@ -29,8 +29,9 @@ from validation.sensor_file import SensorDescription
 _STEP, _POISSON_STEP = 0.01, 0.001
 #: Standard deviations of gains, of the logarithm of the thickness and of the Poisson ratio before any touch [-].
 GAIN, THICKNESS, POISSON = 0.2, 0.5, 0.1
-#: Standard deviation over that of the prior, below which a quantity counts as identified [-].
-_IDENTIFIED = 0.5
+#: Standard deviation over that of the prior, below which a quantity counts as identified, and factor by which the prior
+#: of the gains is widened for this: what only the likeness of the gains tells is not identified [-].
+_IDENTIFIED, _LOOSE = 0.5, 30.0
 #: Information of a texel about each unknown over the largest of its touch, below which it is left out [-].
 _NEGLIGIBLE = 1e-3
 #: Number of candidates whose gain is computed exactly; they are those of the largest gain with independent texels [-].
@@ -68,7 +69,8 @@ class Expected(Result):
         before: Half width of its 95 % interval with the prior and the earlier touches.
         after: Half width with the planned touches.
         unit: `-` for a relative error or a ratio, `m` for a length.
-        known: Whether the earlier touches at least halve the standard deviation of the prior; the shift is not judged.
+        known: Whether the earlier touches at least halve the standard deviation of the prior, whatever the gains are;
+            the shift is not judged.
         identified: Whether all touches do.
     """
 
@@ -119,18 +121,15 @@ class NextTouches(Result):
             f"{self.earlier} earlier ones; noise of {1e3 * self.noise:.3g} mN{assumed}. Their order is drawn, so that "
             "drift is no pattern over the array."
         )
-        unknown = [each for each in self.expected if not each.identified]
-        for each in unknown:
-            yield f"{each.name}: not identifiable from these touches; the interval is mostly that of the prior."
-        if not self.earlier:
-            return
-        place = ", ".join(f"{1e3 * value:.3g}" for value in self.touches[0].at[:2])
-        for each in self.expected:
-            if each.identified and each.unit == "-" and not each.known:
-                yield (
-                    f"{each.name}: not identifiable from the earlier touches (+-{100 * each.before:.3g} %); these "
-                    f"change that, the first at {place} mm."
-                )
+        judged = [each for each in self.expected if each.unit == "-"]
+        if unknown := [each.name for each in judged if not each.identified]:
+            yield f"Not identifiable from these touches, and bounded by the prior alone: {', '.join(unknown)}."
+        if self.earlier and (changed := [each.name for each in judged if each.identified and not each.known]):
+            place = ", ".join(f"{1e3 * value:.3g}" for value in self.touches[0].at[:2])
+            yield (
+                f"Not identifiable from the earlier touches: {', '.join(changed)}. These touches change that; the "
+                f"first is at {place} mm."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -351,28 +350,29 @@ class Plan:
     def expect(self, before: FloatArray, after: FloatArray) -> tuple[Expected, ...]:
         """List what is known before and after, from the information of both, shape (p, p)."""
         texels = len(self.covers.main.origins)
-        both = np.full((2, len(self.free)), 0.0)
-        both[:, self.free] = [np.sqrt(np.diag(np.linalg.inv(each))) for each in (before, after)]
-        prior = np.zeros(len(self.free))
-        prior[self.free] = np.diag(self.prior) ** -0.5
+        loose = np.diag(np.where(np.arange(len(self.prior)) < texels, 1 - _LOOSE**-2, 0.0) * np.diag(self.prior))
+        found = np.zeros((5, len(self.free)))
+        found[:, self.free] = np.sqrt(
+            [np.diag(np.linalg.inv(each)) for each in (before, after, before - loose, after - loose, self.prior)]
+        )
         groups = {
-            "gains": (np.sqrt((both[:, :texels] ** 2).mean(axis=1)), GAIN, "-"),
-            "worst gain": (both[:, :texels].max(axis=1), GAIN, "-"),
-            "thickness": (both[:, texels], prior[texels], "-"),
-            "poisson": (both[:, texels + 1], prior[texels + 1], "-"),
-            "shift": (both[:, texels + 2 :].max(axis=1), prior[texels + 2], "m"),
+            "gains": (np.sqrt((found[:, :texels] ** 2).mean(axis=1)), "-"),
+            "worst gain": (found[:, :texels].max(axis=1), "-"),
+            "thickness": (found[:, texels], "-"),
+            "poisson": (found[:, texels + 1], "-"),
+            "shift": (found[:, texels + 2 :].max(axis=1), "m"),
         }
         return tuple(
             Expected(
                 name=name,
-                before=float(_QUANTILE * pair[0]),
-                after=float(_QUANTILE * pair[1]),
+                before=float(_QUANTILE * widths[0]),
+                after=float(_QUANTILE * widths[1]),
                 unit=unit,
-                known=bool(unit == "m" or pair[0] < _IDENTIFIED * doubt),
-                identified=bool(unit == "m" or pair[1] < _IDENTIFIED * doubt),
+                known=bool(unit == "m" or widths[2] < _IDENTIFIED * widths[4]),
+                identified=bool(unit == "m" or widths[3] < _IDENTIFIED * widths[4]),
             )
-            for name, (pair, doubt, unit) in groups.items()
-            if doubt > 0
+            for name, (widths, unit) in groups.items()
+            if widths[4] > 0
         )
 
 

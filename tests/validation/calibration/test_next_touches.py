@@ -142,11 +142,15 @@ def test_touches_in_one_place_do_not_settle_the_cover_and_the_next_ones_do():
     stamp = SimpleNamespace(touches=np.array(rows))
     found = validation.next_touches(SMALL, 12, after=stamp, noise="4 mN", load="2 N")
     assert found.earlier == 30
-    gains = expected(found)["gains"]
+    gains, thickness = (expected(found)[name] for name in ("gains", "thickness"))
     assert not gains.known
+    assert not thickness.known
     assert gains.identified
+    assert thickness.identified
     assert gains.after < gains.before / 4
-    assert any("not identifiable from the earlier touches" in each for each in found.explain())
+    assert any(
+        "earlier touches: gains, worst gain, thickness. These touches change that" in each for each in found.explain()
+    )
 
 
 def test_better_forces_more_touches_and_less_noise_settle_more():
