@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 import fastmodel
-from meshes import Box
+from meshes import Box, Sphere
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "outputs.md"
@@ -49,6 +49,7 @@ QUICK = (
     "softcover record wts --seconds 1 --out touch.mcap",
     "softcover replay touch.mcap",
     "softcover import touch.mcap --load 500g --out labelled.mcap",
+    "softcover locate wts-0614-34 ball.csv --noise 5mN",
     "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv --sensor wts-0614-34",
     "softcover calibrate --sensor wts-0614-34 --next 4 --noise 5mN --plan touches",
     "softcover store list",
@@ -123,6 +124,11 @@ def write_recordings(folder: Path) -> None:
     text = 'sensor = "wts-0614-34"\nmeasure = "limits"\n[designs]\n"cover.layer[0].thickness" = "1 mm : 3 mm : 3"\n'
     (folder / "sweep.toml").write_text(text)
     sensor = fastmodel.load("wts-0614-34")
+    pressed = fastmodel.indent(sensor, Sphere(radius=5e-3), load=2.0, at=(0.7e-3, -1.1e-3))
+    ball = sensor.electronics.counts(pressed.texel_forces)
+    lines = [f"{time},{','.join(map(str, counts))}" for time, counts in ((0.0, 0 * ball), (0.1, ball))]
+    head = "time," + ",".join(f"texel_{texel}" for texel in range(len(ball)))
+    (folder / "ball.csv").write_text("\n".join([head, *lines]) + "\n")
     labels = "# rows = 14\n# columns = 6\n# pitch = 0.0034\n# full_scale = 4095\n# indenter = box:size=10mmx10mmx5mm\n"
     for newton in (1, 2, 3, 4):
         counts = 1500 * fastmodel.indent(sensor, Box(size=(10e-3, 10e-3, 5e-3)), load=newton).texel_forces

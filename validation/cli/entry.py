@@ -65,7 +65,7 @@ _GROUPS = {
     "Design": ("init", "materials", "derive", "mesh", "datasheet", "limits", "design", "sweep"),
     "Simulate": ("press", "view", "export"),
     "Prove": ("demo", "validate", "regress"),
-    "Real sensor": ("record", "replay", "import", "calibrate", "emulate"),
+    "Real sensor": ("record", "replay", "import", "calibrate", "locate", "emulate"),
     "Housekeeping": ("doctor", "store"),
 }
 _COMMANDS = tuple(name for names in _GROUPS.values() for name in names)

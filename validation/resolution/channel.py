@@ -159,9 +159,13 @@ class Channel:
     def read(self, forces: FloatArray, normal: FloatArray) -> Reading:
         """Draw readings of forces, shape (draws, n) [N], from standard normal numbers, shape (draws, n) [-]."""
         noisy = forces + self.noise * normal
+        return self.take(noisy if self.electronics is None else self.electronics.counts(noisy))
+
+    def take(self, frames: FloatArray | IntArray) -> Reading:
+        """Return what frames tell, shape (frames, n): counts, limited to those that there are, or forces [N]."""
         if self.electronics is None:
-            return Reading(noisy, noisy)
-        return Reading(*self._bound(self.electronics.counts(noisy)))
+            return Reading(frames.astype(float), frames.astype(float))
+        return Reading(*self._bound(np.clip(frames, 0, self.electronics.output_max).astype(int)))
 
     def log_likelihood(self, reading: Reading, forces: FloatArray, seen: IntArray) -> FloatArray:
         """Compute the logarithm of the probability of readings, less a constant for each, shape (draws, m) [-].
@@ -180,9 +184,11 @@ class Channel:
         middle = np.where(smooth, low + step / 2, 0.0)
         found = (weight * middle) @ forces.T - weight @ (forces**2).T / 2 - (weight * middle**2).sum(1)[:, None] / 2
         if (dark := np.isneginf(low)).any():
-            found += dark.astype(float) @ log_ndtr((edges[1] - forces) / self.noise).T
+            some = dark.any(axis=0)
+            found += dark[:, some].astype(float) @ log_ndtr((edges[1] - forces)[:, some] / self.noise).T
         if (full := np.isposinf(high)).any():
-            found += full.astype(float) @ log_ndtr((forces - edges[-2]) / self.noise).T
+            some = full.any(axis=0)
+            found += full[:, some].astype(float) @ log_ndtr((forces - edges[-2])[:, some] / self.noise).T
         for texel in np.flatnonzero((inner & ~smooth).any(axis=0)):
             rows = np.flatnonzero((inner & ~smooth)[:, texel])
             ends = ((each[rows, texel, None] - forces[:, texel]) / self.noise for each in (low, high))

@@ -50,6 +50,7 @@ class Touches:
         pitch: Pitch of the texels along x and y [m].
         respond: Forces on the texels.
         step: Step in difference quotients [m].
+        project: Nearest points on the top to points, both of shape (k, 3) [m].
     """
 
     origins: FloatArray
@@ -57,6 +58,7 @@ class Touches:
     pitch: tuple[float, float]
     respond: Respond
     step: float
+    project: Callable[[FloatArray], FloatArray] = np.asarray
 
     def forces(self, texel: int, places: FloatArray, radius: float = 0.0, among: IntArray | None = None) -> FloatArray:
         """Compute the force on m texels per unit force of touches around one of them, shape (k, m) [-].
@@ -72,16 +74,16 @@ class Touches:
         return self.respond(self.origins[texel] + places @ axes, axes, radius, chosen)
 
 
-def _spread_points(radius: float) -> FloatArray:
+def spread_points(radius: float, circles: int = _CIRCLES, around: int = _AROUND) -> FloatArray:
     """Return points of equal force under a pressure of Hertz, shape (k, 2) [m].
 
     The force within r is 1 - (1 - r^2 / a^2)^(3/2).
     """
     if radius == 0:
         return np.zeros((1, 2))
-    within = (np.arange(_CIRCLES) + 0.5) / _CIRCLES
+    within = (np.arange(circles) + 0.5) / circles
     r = radius * np.sqrt(1 - (1 - within) ** (2 / 3))
-    turn = 2 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND
+    turn = 2 * np.pi * (np.arange(around) + 0.5) / around
     return np.stack([np.outer(r, np.cos(turn)), np.outer(r, np.sin(turn))], axis=-1).reshape(-1, 2)
 
 
@@ -89,7 +91,7 @@ def _sum_points(at: Callable[[FloatArray], FloatArray]) -> Respond:
     """Return round touches as sums of point forces, from the forces on all active texels per point force (k, n)."""
 
     def respond(points: FloatArray, axes: FloatArray, radius: float, among: IntArray) -> FloatArray:
-        spots = _spread_points(radius) @ axes
+        spots = spread_points(radius) @ axes
         found = at((points[:, None] + spots).reshape(-1, 3))[:, among]
         return np.asarray(found.reshape(len(points), len(spots), -1).mean(axis=1))
 
@@ -155,13 +157,14 @@ def _(cover: SolidCover, sensor: SensorDescription, progress: Progress | None = 
     responses = texel_responses(make_meshes(sensor, progress), array, cover.layers, progress=progress)
     grid = responses.finest
 
-    def at(points: FloatArray) -> FloatArray:
-        return grid.at(grid.top.locate(points)[0] @ grid.top.nodes)[:, active]
+    def project(points: FloatArray) -> FloatArray:
+        return np.asarray(grid.top.locate(points)[0] @ grid.top.nodes)
 
     return Touches(
         origins=responses.above[active],
         axes=tangent_axes(array.normals)[active],
         pitch=array.pitch,
-        respond=_sum_points(at),
+        respond=_sum_points(lambda points: grid.at(project(points))[:, active]),
+        project=project,
         step=_MESHED * min(array.pitch),
     )

@@ -1,4 +1,4 @@
-"""The verbs `limits` and `design`: read the options, compute, and draw."""
+"""The verbs `limits`, `locate` and `design`: read the options, compute, and draw."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ from validation.text.hardness import read_hardness
 from validation.text.quantity import Kind, format_time, read_quantity
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from validation.resolution.design import Designs
     from validation.resolution.limits import Limits
+    from validation.resolution.locate import Located
 
 #: Number of values from one to another where no count is given.
 _STEPS = 11
@@ -31,6 +34,8 @@ _TOLERANCE = 5.0
 _MOST_DESIGNS, _SECONDS = 5000, 0.05
 #: Largest radius and distance of touches, over the pitch [-], and largest load of one [N].
 _FARTHEST, _HEAVIEST = 20.0, 1e4
+#: Largest number of touches that are looked for [-].
+_MOST_TOUCHES = 4
 
 
 def limits(
@@ -63,8 +68,7 @@ def limits(
     """
     description, target = describe(sensor), None if picture is None else Path(picture)
     options = _read_options(description, load=load, noise=noise, two=two, radius=radius, thicknesses=thicknesses)
-    if target is not None and target.suffix not in {".png", ".svg"}:
-        raise InputError(f"--picture: {target} is neither .png nor .svg; write for example --picture limits.png")
+    _check_picture(target)
     refuse_existing("--picture", target)
     check_writable(target)
     require("skfem", useful=("matplotlib",) if target else ())
@@ -75,6 +79,79 @@ def limits(
     if target is not None:
         draw_map(found, description.array, target)
     return found
+
+
+def locate(
+    sensor: SensorDescription | str | Path,
+    frames: npt.ArrayLike | str | Path,
+    *,
+    touches: int = 1,
+    radius: str | None = None,
+    noise: str | None = None,
+    forces: bool = False,
+    array: int | None = None,
+    topic: str | None = None,
+    out: str | Path | None = None,
+    picture: str | Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Located:
+    """Find the places, forces and radius of touches in frames, with intervals that hold 95 %.
+
+    Args:
+        sensor: Sensor, as a sensor file or the name of a built-in sensor.
+        frames: A recording; or the counts of n texels, shape (n,) or (frames, n) [-].
+        touches: Number of touches to look for in each frame, 1 to 4.
+        radius: Radius of the touches, or a range such as `0mm:2mm`; 0 to one pitch when not given.
+        noise: Standard deviation of the noise of a texel's force; that of the sensor, or one count, when not given.
+        forces: Whether the array `frames` holds forces [N], and not counts.
+        array: Index of the array if a recording has several; the one that is pressed most when not given.
+        topic: Topic that holds the frames, in bags of other programs.
+        out: CSV file with one row for each touch; None to write none.
+        picture: File for the brightest frame with its touches, .png or .svg; None to draw none.
+        progress: Called with a line of text before each step.
+
+    Raises:
+        InputError: If an option or the frames cannot be read, or the counts of the sensor fall while the force rises.
+        RecordingError: If the recording cannot be read.
+        MissingExtraError: If finite elements or the drawing are needed and not installed.
+        ConvergenceError: If finite elements are needed and did not converge.
+    """
+    description, faults, far = describe(sensor), Faults(), _FARTHEST * min(describe(sensor).array.pitch)
+    if not 1 <= touches <= _MOST_TOUCHES:
+        faults.append(f"--touches: accepted: 1..{_MOST_TOUCHES}, not {touches}")
+    level = noise and faults.read(_read, noise, "force", _HEAVIEST, place="--noise")
+    ends = tuple(
+        faults.read(_read, each, "length", far, place="--radius", zero=True)
+        for each in (radius.split(":", 1) if radius else ())
+    )
+    faults.refuse()
+    if ends and ends[0] > ends[-1]:
+        raise InputError(f"--radius: {radius!r} must not fall; write for example 0mm:2mm")
+    targets = {"--out": Path(out) if out else None, "--picture": Path(picture) if picture else None}
+    _check_picture(targets["--picture"])
+    for option, target in targets.items():
+        refuse_existing(option, target)
+        check_writable(target)
+    require("skfem", useful=("matplotlib",) if picture else ())
+    from validation.resolution.frames import read_frames
+    from validation.resolution.locate import locate_frames
+    from validation.resolution.picture import draw_touches
+
+    read = read_frames(description, frames, forces=forces, index=array, topic=topic)
+    found = locate_frames(
+        description, read, count=touches, noise=level or None, radii=(ends[0], ends[-1]) if ends else None,
+        progress=progress,
+    )  # fmt: skip
+    if out:
+        found.write(Path(out))
+    if picture:
+        draw_touches(found, description.array, read, Path(picture))
+    return found
+
+
+def _check_picture(target: Path | None) -> None:
+    if target is not None and target.suffix not in {".png", ".svg"}:
+        raise InputError(f"--picture: {target} is neither .png nor .svg; write for example --picture {target.stem}.png")
 
 
 def _read_options(

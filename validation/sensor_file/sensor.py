@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -116,6 +117,10 @@ class SensorDescription:
         if not isinstance(self.cover, Cover):
             raise InputError(fault)
         return self.cover
+
+    def locate(self, frames: npt.ArrayLike | str | Path, **options: Any) -> Any:  # noqa: ANN401 -- as `validation.locate`
+        """Find touches in frames of this sensor: `validation.locate`, with its options and its result."""
+        return importlib.import_module("validation.resolution.verb").locate(self, frames, **options)
 
     def describe_cover(self) -> dict[str, Any]:
         """Return the cover as a dictionary of JSON values, with the key `assumed`."""

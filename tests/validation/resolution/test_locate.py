@@ -1,0 +1,215 @@
+"""Touches located in frames: closed forms, symmetry, scaling, coverage with frames of the channel, and bad input."""
+
+import json
+
+import numpy as np
+import pytest
+
+import fastmodel
+import validation
+from fem_reference.closed_form.layer import tabulate_texel_response
+from validation.errors import InputError
+from validation.resolution.channel import Channel, make_channel
+from validation.resolution.chart import make_chart
+from validation.resolution.limits import Study
+from validation.resolution.locate import Locator, make_locator
+from validation.resolution.touches import find_touches
+
+WTS = validation.load("wts-0614-34")
+COUNTS = fastmodel.load("wts-0614-34").electronics
+NOISE = 5e-3
+PITCH = np.array(WTS.array.pitch)
+MIDDLE = 38
+
+
+@pytest.fixture(scope="module")
+def touches():
+    return find_touches(WTS.cover, WTS)
+
+
+@pytest.fixture(scope="module")
+def points(touches):
+    """Locator of point touches, of forces with noise alone."""
+    return Locator(touches=touches, channel=Channel(noise=NOISE), centres=WTS.array.centres, radii=(0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def counted(touches):
+    """Locator of point touches in counts of the WTS."""
+    channel = make_channel(COUNTS, NOISE, WTS.array.active)[0]
+    return Locator(touches=touches, channel=channel, centres=WTS.array.centres, radii=(0.0, 0.0))
+
+
+def find(locator, forces, seed=None, count=1):
+    """Locate touches in texel forces, with noise of a seed or without."""
+    shape = (1, len(forces))
+    normal = np.zeros(shape) if seed is None else np.random.default_rng(seed).standard_normal(shape)
+    return locator.find(locator.channel.read(np.asarray(forces)[None], normal), count)
+
+
+def press(touches, place, load=1.0, texel=MIDDLE, radius=0.0):
+    """Compute exact texel forces of a touch, and its place in the array's frame."""
+    at = np.asarray(place, float)
+    return load * touches.forces(texel, at[None], radius)[0], touches.origins[texel][:2] + at
+
+
+def middle(frame):
+    touch = frame.touches[0]
+    return np.array([touch.x.value, touch.y.value, touch.force.value])
+
+
+def width(frame):
+    touch = frame.touches[0]
+    return np.array([each.high - each.low for each in (touch.x, touch.y, touch.force)])
+
+
+def test_a_chart_has_the_exact_response_of_round_touches(touches):
+    chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
+    places = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 2)) * PITCH
+    apart = touches.origins[MIDDLE, :2] + places[:, None] - WTS.array.centres[:, :2]
+    for radius in (0.0, 0.8e-3, 2.7e-3):
+        exact = tabulate_texel_response(WTS.cover, WTS.array.texel_size, radius)(apart[..., 0], apart[..., 1])
+        found = chart.at(places, np.full(len(places), radius), np.arange(WTS.array.count))[:, 0]
+        assert found == pytest.approx(exact, abs=1.5e-3)
+
+
+def test_a_chart_has_the_response_of_an_oval_touch(touches):
+    """Pairs of touches on two axes differ by the moments that the second and third row of a chart stand for."""
+    radius, apart = 1e-3, 0.15e-3
+    chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
+    place, seen = np.array([[0.4e-3, 0.7e-3]]), np.arange(WTS.array.count)
+    _, oval, turned = chart.at(place, np.array([radius]), seen)[0]
+    for found, first, second in ((oval, [apart, 0.0], [0.0, apart]), (turned, [apart, apart], [apart, -apart])):
+        along, across = (
+            touches.forces(MIDDLE, place + np.outer([-1, 1], each), radius).mean(axis=0) for each in (first, second)
+        )
+        assert found == pytest.approx((along - across) * radius**2 / (5 * np.dot(first, first)), abs=5e-4)
+
+
+def test_a_frame_without_noise_gives_its_touch_back(touches, points):
+    for place in ([0.3e-3, -1.1e-3], [1.6e-3, 0.2e-3]):
+        forces, at = press(touches, place, 0.7)
+        assert middle(find(points, forces)) == pytest.approx([*at, 0.7], abs=5e-4)
+
+
+def test_a_symmetric_frame_gives_a_touch_on_its_line(touches, points, counted):
+    for locator, load in ((points, 1.0), (counted, 2.0)):
+        forces, at = press(touches, [PITCH[0] / 2, 0.0], load)  # between two texels
+        found = find(locator, forces)
+        assert abs(middle(found)[0] - at[0]) < 0.1 * width(found)[0]
+
+
+def test_mirrored_and_shifted_frames_give_mirrored_and_shifted_touches(touches, counted):
+    rows, columns = WTS.array.rows, WTS.array.columns
+    forces, _ = press(touches, [0.6e-3, -0.9e-3], 2.0)
+    image = forces.reshape(rows, columns)
+    once = find(counted, forces)
+    for axis, turn in ((1, [-1, 1, 1]), (0, [1, -1, 1])):
+        mirrored = find(counted, np.flip(image, axis).ravel())
+        assert (np.abs(middle(mirrored) - middle(once) * turn) < 0.1 * width(once)).all()
+        assert width(mirrored) == pytest.approx(width(once), rel=0.25)
+    shifted, _ = press(touches, [0.6e-3, -0.9e-3], 2.0, texel=MIDDLE + columns)
+    assert (np.abs(middle(find(counted, shifted)) - middle(once) - [0, PITCH[1], 0]) < 0.02 * width(once)).all()
+
+
+def test_intervals_are_proportional_to_the_noise_and_those_of_the_bound(touches):
+    forces, _ = press(touches, [0.5e-3, 0.4e-3])
+    widths = []
+    for noise in (2e-3, 8e-3):
+        locator = Locator(touches=touches, channel=Channel(noise=noise), centres=WTS.array.centres, radii=(0.0, 0.0))
+        widths.append(width(find(locator, forces)))
+        study = Study(touches=touches, channel=Channel(noise=noise), texel=MIDDLE, load=1.0)
+        bound = np.sqrt(np.diagonal(study.bound(np.array([[0.5e-3, 0.4e-3]]), 3)[0][0]))
+        assert widths[-1] / 3.92 == pytest.approx(bound, rel=0.1)
+    assert widths[1] == pytest.approx(4 * widths[0], rel=0.1)
+
+
+@pytest.mark.parametrize("most", [0.0, PITCH[0]], ids=["points", "unknown radius"])
+@pytest.mark.parametrize("kind", ["forces", "counts"])
+@pytest.mark.slow
+def test_intervals_hold_the_truth_in_95_of_100_frames(touches, points, counted, kind, most):
+    channel = (points if kind == "forces" else counted).channel
+    locator = Locator(touches=touches, channel=channel, centres=WTS.array.centres, radii=(0.0, most))
+    rng, held = np.random.default_rng(8), []
+    for _ in range(120):
+        place, load = rng.uniform(-0.5, 0.5, 2) * PITCH, rng.uniform(0.8, 2.5)
+        forces, at = press(touches, place, load, radius=round(rng.uniform(0, most), 4))
+        found = find(locator, forces, seed=rng.integers(1 << 30))
+        told = found.touches[0]
+        held.append([a.low <= b <= a.high for a, b in zip((told.x, told.y, told.force), (*at, load), strict=True)])
+    assert 0.92 <= np.mean(held) <= 0.995
+
+
+def test_two_touches_are_found_together_and_one_is_not_taken_for_two(touches, points):
+    first, at = press(touches, [0.4e-3, 0.2e-3], 1.0)
+    second, there = press(touches, [-0.7e-3, 0.5e-3], 0.6, texel=MIDDLE + 8)
+    found = find(points, first + second, seed=1, count=2)
+    told = np.array(sorted((t.x.value, t.y.value, t.force.value) for t in found.touches))
+    truth = np.array(sorted([(*at, 1.0), (*there, 0.6)]))
+    assert told[:, 2] == pytest.approx(truth[:, 2], abs=0.05)
+    assert told[:, :2] == pytest.approx(truth[:, :2], abs=2e-4)
+    alone = find(points, first, seed=1, count=2)
+    assert len(alone.touches) == 1
+    assert alone.words == ("2 touches are not told apart",)
+
+
+def test_what_a_frame_does_not_tell_is_said(touches, points, counted):
+    nothing = np.zeros(WTS.array.count)
+    assert find(points, nothing, seed=1).words == find(counted, nothing, seed=1).words == ("at rest",)
+    assert find(points, np.where(np.arange(84) == 3, -0.2, 0.0)).words == ("negative forces",)
+    assert "1 texel saturated" in find(counted, press(touches, [0, 0], 5.0)[0]).words
+    assert "1 texel lit" in find(counted, press(touches, [0, 0], 0.3)[0]).words
+    corners = sum(press(touches, [0, 0], 0.5, texel=MIDDLE + each)[0] for each in (-14, -10, 10, 14))
+    assert "not explained by 1 touch" in find(points, corners, seed=2).words
+
+
+def test_a_sensor_locates_touches_in_its_counts(touches):
+    forces, at = press(touches, [0.7e-3, 0.2e-3], 2.0)
+    found = WTS.locate(COUNTS.counts(forces), noise="5 mN", radius="0 mm").frames[0]
+    truth = zip((found.touches[0].x, found.touches[0].y, found.touches[0].force), (*at, 2.0), strict=True)
+    assert all(each.low < value < each.high for each, value in truth)
+
+
+@pytest.mark.parametrize(
+    ("frames", "options", "words"),
+    [
+        (np.zeros((2, 7)), {}, r"shape \(2, 7\); wts-0614-34 takes \(frames, 84\)"),
+        (np.full(84, np.nan), {}, "frame 0, texel 0 is not finite"),
+        (np.full(84, 0.5), {}, "pass forces=True"),
+        (np.zeros((0, 84)), {}, "holds no frame"),
+        (np.zeros(84), {"touches": 0}, "--touches: accepted: 1..4, not 0"),
+        (np.zeros(84), {"noise": "-1 mN"}, "--noise: must be positive"),
+        (np.zeros(84), {"radius": "2mm:1mm"}, "--radius: '2mm:1mm' must not fall"),
+        (np.zeros(84), {"picture": "a.gif"}, "neither .png nor .svg"),
+    ],
+)
+def test_bad_input_names_place_and_remedy(frames, options, words):
+    with pytest.raises(InputError, match=words):
+        validation.locate(WTS, frames, **options)
+
+
+def test_the_command_and_the_function_agree(softcover, tmp_path, touches):
+    counts = COUNTS.counts(press(touches, [0.3e-3, 0.5e-3], 1.5)[0])
+    head = ",".join(["time", *(f"texel_{each}" for each in range(84))])
+    (tmp_path / "touch.csv").write_text(f"{head}\n0.0,{','.join(map(str, counts))}\n")
+    status, out, _ = softcover(
+        *["locate", "wts-0614-34", "touch.csv", "--noise", "5mN", "--radius", "0mm", "--out", "all.csv", "--json"]
+    )
+    assert status == 0
+    found = validation.locate("wts-0614-34", counts, noise="5 mN", radius="0 mm")
+    assert json.loads(out) == found.as_json()
+    rows = (tmp_path / "all.csv").read_text().splitlines()
+    assert float(rows[1].split(",")[3]) == pytest.approx(found.frames[0].touches[0].x.value)
+    (tmp_path / "other.csv").write_text("# rows = 2\n# columns = 2\ntime,a,b,c,d\n0,1,2,3,4\n")
+    status, _, error = softcover("locate", "wts-0614-34", "other.csv")
+    assert status == 2
+    assert "name the sensor that made the recording" in error
+
+
+@pytest.mark.slow
+def test_a_touch_on_a_curved_cover_is_found(small_pad):
+    locator, _ = make_locator(small_pad, noise=2e-3, forces=True, radii=(0.0, 0.0))
+    forces, at = press(locator.touches, [0.3e-3, -0.2e-3], 1.0, texel=4)
+    found = find(locator, forces, seed=3)
+    assert middle(found)[2] == pytest.approx(1.0, abs=0.03)
+    assert middle(found)[:2] == pytest.approx(at, abs=1e-4)
