@@ -155,6 +155,7 @@ def test_it_presses_through_the_public_verb_by_both_models():
     assert 0 < shown["scores"]["misplaced_force"] < 1
 
 
+@pytest.mark.slow
 def test_it_is_derived_and_scored():
     cases = [Case(name=f"ball {load} N", indenter=BALL, shape="sphere:radius=5mm", load=load) for load in (0.5, 1.0)]
     result = run_campaign(prepare_bench(derive(SENSOR), cases), cases)

@@ -89,6 +89,7 @@ def test_forces_may_be_formed_on_every_nth_step_and_a_reset_under_load_starts_se
         assert frame.texel_forces.sum() + sensor.outside() == pytest.approx(0.980665, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_two_arrays_squeeze_one_free_mesh_between_moving_fingers():
     """Two arrays of one model on moving bodies, each at its own pose, measure the same grip force from both sides."""
     array = TexelArray.grid(4, 4, 3e-3)

@@ -105,7 +105,10 @@ def test_after_going_back_the_next_frames_are_the_same(method, array, after, tmp
     assert_equal(run(model, data, sensors, 300), first)
 
 
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])  # noqa: S301
+@pytest.mark.parametrize(
+    "duplicate",
+    [copy.deepcopy, pytest.param(lambda each: pickle.loads(pickle.dumps(each)), marks=pytest.mark.slow)],  # noqa: S301
+)
 @pytest.mark.parametrize("method", METHODS)
 def test_copies_of_model_data_and_sensors_belong_together_and_to_nothing_else(method, duplicate):
     original = scene(method, names=("one", "two"))

@@ -103,6 +103,7 @@ def test_killed_writers_tear_nothing_and_lose_nothing(folder, times):
     assert {path.suffix for path in folder.iterdir()} == {".entry"}
 
 
+@pytest.mark.slow
 def test_writers_at_once_never_show_a_reader_half_an_entry():
     """Three processes write the same entries with other contents while this one reads and sweeps."""
 

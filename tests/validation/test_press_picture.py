@@ -131,6 +131,7 @@ def test_a_section_names_every_layer_and_places_it(comparison, tmp_path, monkeyp
     assert {"pet, 0.25 mm", "ecoflex-00-30, 3 mm"} <= set(named)
 
 
+@pytest.mark.slow
 def test_files_without_pyvista_or_matplotlib_lack_their_pictures_and_name_the_extras(
     comparison, tmp_path, monkeypatch, caplog
 ):

@@ -33,6 +33,7 @@ def test_a_ball_of_facets_is_as_stiff_as_a_ball(bonded):
     assert (exact - coarse) / (exact - fine) == pytest.approx(4, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_prism_presses_like_the_letter_of_the_same_outline(bonded):
     surface = surface_compliance(bonded(0.49), 60e-3)
     found, wanted = (

@@ -77,6 +77,7 @@ def test_a_turned_face_turns_the_texel_forces(bonded):
     assert np.rot90(array.image(turned)) == pytest.approx(array.image(straight), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_texels_carry_the_whole_force(bonded):
     array = TexelArray.grid(17, 17, 3.4e-3)
     for shape in (L_SHAPE, Nut(across=13e-3, bore=11e-3), LetterH(size=(10e-3, 10e-3), bar=2e-3)):

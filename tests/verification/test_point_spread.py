@@ -117,7 +117,9 @@ def test_shape_does_not_depend_on_the_modulus_and_scales_with_thickness(bonded):
     assert thick.pressure(3 * radius) * 9 == pytest.approx(soft.pressure(radius), rel=1e-6, abs=1e-3)
 
 
-@pytest.mark.parametrize("base", ["bonded", pytest.param("sliding", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "base", [pytest.param("bonded", marks=pytest.mark.slow), pytest.param("sliding", marks=pytest.mark.slow)]
+)
 def test_layered_covers_equal_the_exact_recursion(base):
     """A foil a tenth as thick and a hundred times as stiff on a soft layer."""
     foil = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 1e8}, poisson_ratio=0.35)

@@ -41,7 +41,7 @@ def test_sphere_depth_under_a_load(bonded, wts, nu):
         pytest.param(0.0, 0.5, marks=pytest.mark.slow),
         pytest.param(0.3, 1.0, marks=pytest.mark.slow),
         pytest.param(0.49, 0.5, marks=pytest.mark.slow),
-        (0.5, 1.0),
+        pytest.param(0.5, 1.0, marks=pytest.mark.slow),
     ],
 )
 def test_flat_punch_force(bonded, wts, nu, ratio):
@@ -88,6 +88,7 @@ def test_quarter_turn_of_a_square_changes_nothing(bonded, wts):
     assert turned.texel_forces == pytest.approx(straight.texel_forces, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_mirrored_poses_mirror_the_image(bonded, wts):
     shape = Box(size=(9e-3, 4e-3, 5e-3))
     left = press(bonded(0.45), wts, shape, load=1.0, pose=Pose.planar(at=(-3e-3, 2e-3), yaw=0.4))
@@ -95,6 +96,7 @@ def test_mirrored_poses_mirror_the_image(bonded, wts):
     assert wts.image(right.texel_forces)[:, ::-1].ravel() == pytest.approx(left.texel_forces, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_force_lands_under_the_indenter(bonded, wts):
     found = press(bonded(0.3), wts, Sphere(radius=4e-3), depth=0.2e-3, pose=Pose.planar(at=(2.1e-3, -5.3e-3)))
     centre = found.texel_forces @ wts.centres[:, :2] / found.texel_forces.sum()

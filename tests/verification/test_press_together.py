@@ -16,6 +16,7 @@ def misplaced(found, reference, load):
     return np.abs(found - reference).sum() / (2 * load)
 
 
+@pytest.mark.slow
 def test_one_body_is_what_press_finds(bonded, wts):
     cover, place = bonded(0.49), (0.7e-3, -1.1e-3)
     alone = press(cover, wts, SQUARE, load=2.0, pose=Pose.planar(at=place))

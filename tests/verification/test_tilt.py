@@ -18,6 +18,7 @@ def find_moment(found):
     return column_contact(found)[:, 2] @ column_contact(found)[:, :2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [1.0])
 def test_the_moment_of_a_tilted_punch_in_full_contact_is_that_on_a_half_space(wts, degrees):
     """4/3 E* a^3 tilt (Johnson 1985, section 5.1); the raised rim touches while P > 4 E* a^2 tilt."""

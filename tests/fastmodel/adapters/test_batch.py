@@ -86,6 +86,7 @@ def test_many_worlds_give_bit_for_bit_what_each_gives_alone(method, processes):
     assert len(changed) == 5
 
 
+@pytest.mark.slow
 def test_noise_differs_between_worlds_sensors_seeds_and_episodes():
     model, sensors = world("boxes")
     counts = []

@@ -228,6 +228,7 @@ def test_a_recompiled_model_is_bound_again():
     assert observation["tactile"].any()
 
 
+@pytest.mark.slow
 def test_the_package_loads_no_gymnasium_and_its_absence_raises_a_clear_error():
     code = (
         "import sys, fastmodel\n"

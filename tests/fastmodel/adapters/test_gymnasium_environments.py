@@ -31,7 +31,7 @@ def short_episodes(length):
     return lambda: wrap_ball(physics_steps=7, length=length)
 
 
-@pytest.mark.parametrize("vector", ["SyncVectorEnv", "AsyncVectorEnv"])
+@pytest.mark.parametrize("vector", ["SyncVectorEnv", pytest.param("AsyncVectorEnv", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_environments_whose_episodes_end_at_different_steps_run_as_a_vector(vector, mode):
     lengths = (3, 5, 50)

@@ -87,7 +87,9 @@ def test_centre_of_pressure_is_that_of_mujocos_contacts(name, method):
     assert np.mean(np.array(apart) > CELL) <= 0.01
 
 
-@pytest.mark.parametrize("name", ["box", "blade", pytest.param("cross", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [pytest.param("box", marks=pytest.mark.slow), "blade", pytest.param("cross", marks=pytest.mark.slow)]
+)
 def test_an_adapted_reading_equals_one_that_is_solved_anew(name):
     """A twin that forgets its last solution in every step differs by at most 1 % of the load."""
     apart, twin = [], None

@@ -148,6 +148,7 @@ def build_flex(count=4, edge=8e-3):
       </worldbody></mujoco>""")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", COVER_FIRST)
 def test_a_soft_body_is_laid_out_at_its_contact_points(method):
     spec = build_flex()
@@ -298,6 +299,7 @@ def load_fields():
     mujoco.mj_loadPluginLibrary(str(library))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", COVER_FIRST)
 def test_a_signed_distance_field_is_laid_out_at_its_contact_points(method):
     """A torus from MuJoCo's own plugin lies on the array: a ring of texels, and nothing in its hole."""

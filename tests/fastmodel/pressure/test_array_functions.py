@@ -173,7 +173,7 @@ def test_the_grid_ends_with_the_cover():
     assert (grid.rows, grid.columns) == (4 * array.rows, 4 * array.columns + 4)
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 def test_forces_balance_the_load_under_any_body_and_moment(dtype):
     rng = np.random.default_rng(9)
     gap, load = random_gaps(96, seed=9)

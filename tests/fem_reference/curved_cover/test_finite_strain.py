@@ -18,6 +18,7 @@ SMALL = phalanx(length=6e-3, rows=1, columns=1, pitch=2e-3)
 MESHES = [SMALL.mesh(size, layers=2) for size in (3e-3, 2.4e-3)]
 
 
+@pytest.mark.slow
 def test_the_limit_of_small_loads_is_small_strain_and_the_base_bears_the_load():
     pose = Pose.facing([1e-3, 0.3e-3, 12e-3], [-0.1, 0, -1])
     small = press(take_meshes(MESHES, NEO), SMALL.texels, BALL, pose, load=2e-3)

@@ -76,6 +76,7 @@ def test_one_texel_over_the_whole_flat_base_feels_every_normal_force():
     assert response.under_pressure(pressure)[0] == pytest.approx(1e4 * 36e-6, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_texels_hold_their_area_on_the_base():
     cover = fingertip()
     mesh = cover.mesh(1.5e-3, layers=2)
@@ -141,6 +142,7 @@ def test_bad_input_is_refused():
         texel_responses([mesh], cover.texels, rubber(0.3)).finest.at(np.array([[0, 0, 1.0]]))
 
 
+@pytest.mark.slow
 def test_errors_are_relative_to_the_largest_force_above_a_texel():
     meshes = [split_box((n, n, m), (6e-3, 6e-3, 2e-3)) for n, m in ((5, 2), (7, 3))]
     texels = flat_pad(size=(6e-3, 6e-3), rows=2).texels

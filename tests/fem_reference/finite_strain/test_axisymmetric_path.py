@@ -14,7 +14,11 @@ from tests.support.rubber import make_cover
 
 @pytest.mark.parametrize(
     ("elements", "count"),
-    [(6, 2), pytest.param(6, 11, marks=pytest.mark.slow), pytest.param(9, 11, marks=pytest.mark.slow)],
+    [
+        pytest.param(6, 2, marks=pytest.mark.slow),
+        pytest.param(6, 11, marks=pytest.mark.slow),
+        pytest.param(9, 11, marks=pytest.mark.slow),
+    ],
 )
 def test_the_contact_edge_is_found_between_the_nodes_at_every_depth(elements, count):
     cover, radius = make_cover(0.49), 5e-3

@@ -60,7 +60,11 @@ def test_stored_energy_is_the_work_of_the_load(nu):
 
 @pytest.mark.parametrize(
     ("control", "target", "first"),
-    [("load", 0.05, 2.0), ("depth", 0.1, 2.0), pytest.param("load", 0.05, 5e-4, marks=pytest.mark.slow)],
+    [
+        pytest.param("load", 0.05, 2.0, marks=pytest.mark.slow),
+        ("depth", 0.1, 2.0),
+        pytest.param("load", 0.05, 5e-4, marks=pytest.mark.slow),
+    ],
 )
 def test_a_first_step_that_fails_is_halved_or_doubled_until_one_succeeds(control, target, first):
     """At 2 the base is pressed through; at 5e-4 the sphere lies above the first quadrature point."""
@@ -93,7 +97,10 @@ def test_steps_of_a_coarse_mesh_start_a_finer_one_where_its_guess_fails(control,
     assert guided.equilibria[0].load == pytest.approx(plain.equilibria[0].load, rel=1e-5)
 
 
-@pytest.mark.parametrize(("control", "target"), [("load", 0.4), pytest.param("depth", 0.2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("control", "target"),
+    [pytest.param("load", 0.4, marks=pytest.mark.slow), pytest.param("depth", 0.2, marks=pytest.mark.slow)],
+)
 def test_friction_takes_at_least_its_number_of_steps(control, target):
     """Slip depends on the path; the first step is not recorded."""
     path = solve_steps(path_problem(count=3, friction=0.3), control, target)

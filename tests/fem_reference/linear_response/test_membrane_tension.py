@@ -64,6 +64,7 @@ def test_the_compliance_of_the_top_loses_what_the_stretch_takes_away():
     assert taken[0] > 0.1 * abs(surface.regular(RADIUS[:1])[0])
 
 
+@pytest.mark.slow
 def test_without_stretch_the_transform_gives_the_point_spread_of_the_cover():
     cover = make_cover(0.3, "linear-elastic")
     radius = np.linspace(0.0, 8e-3, 300)

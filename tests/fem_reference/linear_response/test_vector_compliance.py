@@ -71,7 +71,9 @@ def test_cells_of_layers_move_as_the_exact_waves_say(cover, width, height):
         np.testing.assert_allclose(found[row, column], exact[row, column], atol=3e-4 * scale, rtol=0)
 
 
-@pytest.mark.parametrize("cover", [ONE, replace(ONE, base="sliding")], ids=["bonded", "sliding"])
+@pytest.mark.parametrize(
+    "cover", [ONE, pytest.param(replace(ONE, base="sliding"), marks=pytest.mark.slow)], ids=["bonded", "sliding"]
+)
 def test_displacements_far_away_have_decayed_unless_the_cover_slides(cover):
     layer, size = VectorCompliance.tabulate(cover, 0.5), 0.4e-3
     own, near, *far = np.moveaxis(
@@ -101,7 +103,7 @@ def test_a_table_ends_where_it_is_asked_to():
         ONE,
         pytest.param(THREE, marks=pytest.mark.slow),
         pytest.param(stack_layers((1e-3, 2e5, 0.45), (0.5e-3, 8e6, 0.45)), marks=pytest.mark.slow),
-        replace(TWO, base="sliding"),
+        pytest.param(replace(TWO, base="sliding"), marks=pytest.mark.slow),
     ],
     ids=["one layer", "three", "skin", "sliding"],
 )

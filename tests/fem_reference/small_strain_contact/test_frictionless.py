@@ -30,6 +30,7 @@ def test_no_contact_of_a_ball_exceeds_the_circle_as_low_as_the_cover_is_thick(ra
     assert exact * (1 - 1e-9) <= bound <= exact + 1.1e-4 * radius
 
 
+@pytest.mark.slow
 @SHARED
 @given(load=st.floats(0.05, 5.0), factor=st.floats(1.5, 4.0))
 def test_force_and_depth_of_a_flat_face_are_proportional(surface, load, factor):

@@ -15,6 +15,7 @@ def limit(monkeypatch, **changes):
     monkeypatch.setattr(triangle_mesh, "HULLS", dataclasses.replace(triangle_mesh.HULLS, **changes))
 
 
+@pytest.mark.slow
 def test_every_hull_contains_only_corners_at_or_above_the_underside(write_stl):
     """No corner of a hull reaches below the body; the lowest of all is the body's lowest point."""
     body = read_stl(write_stl("two-balls"))
@@ -26,6 +27,7 @@ def test_every_hull_contains_only_corners_at_or_above_the_underside(write_stl):
     assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_warning_tells_that_the_hulls_do_not_reach_the_tolerance(write_stl, monkeypatch, caplog):
     limit(monkeypatch, most=2)
     assert len(read_stl(write_stl("cup")).primitives()) == 2

@@ -91,6 +91,7 @@ def test_poses_that_are_not_given_are_fitted():
         assert [values[part][1] for part in ("yaw_rad", "tilt_x_rad", "tilt_y_rad")] == [0, 0, 0]
 
 
+@pytest.mark.slow
 def test_temperature_coefficients_are_found_where_temperature_and_load_vary_apart():
     seen, _, _ = observe(2, {"warm": -0.01, "dead_warm": 0.002}, places=2, temperatures=(30.0, 40.0), known=True)
     found = calibrate(seen, METHOD)
@@ -138,6 +139,7 @@ def test_an_error_of_the_contact_method_that_the_intervals_leave_out_is_told(err
     assert sum("leave out the error" in note and "3% of a single gain" in note for note in notes) == told
 
 
+@pytest.mark.slow
 def test_a_polynomial_needs_seven_loads():
     seen, _, _ = observe(7, places=2, known=True, loads=(2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0))
     found = calibrate(seen, METHOD)

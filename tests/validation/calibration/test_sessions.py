@@ -45,7 +45,9 @@ def join(*parts):
     return join_observations(parts)
 
 
-@pytest.mark.parametrize("spread", [pytest.param(0.1, marks=pytest.mark.slow), 0.4])
+@pytest.mark.parametrize(
+    "spread", [pytest.param(0.1, marks=pytest.mark.slow), pytest.param(0.4, marks=pytest.mark.slow)]
+)
 def test_the_spread_between_sessions_is_estimated_and_a_placing_image_reduces_the_error(spread):
     random = np.random.default_rng(7)
     gains = draw_gains(random)

@@ -56,7 +56,9 @@ def test_a_right_thickness_agrees():
     assert "which agrees" in describe_thickness(found, 1e-3 * ASSUMED)
 
 
-@pytest.mark.parametrize(("true", "ends"), [(5.0, (True, False)), (0.2, (False, True))])
+@pytest.mark.parametrize(
+    ("true", "ends"), [pytest.param(5.0, (True, False), marks=pytest.mark.slow), (0.2, (False, True))]
+)
 def test_a_thickness_beyond_the_examined_ones_is_bounded_on_one_side(true, ends):
     found = profile(observe(3, true, places=2, known=True))
     assert (found.low > 0, np.isfinite(found.high)) == ends

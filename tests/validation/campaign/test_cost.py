@@ -133,6 +133,7 @@ def test_loads_of_the_built_in_campaign_are_lowered_on_soft_covers(wts):
     assert bear(thick, Sphere(radius=5e-3), 0.01) == pytest.approx(hertz, rel=0.03)
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_keeps_the_finished_cases(bench, campaign, cases, monkeypatch):
     def solve(_, case, progress):
         if case.name == "sphere":

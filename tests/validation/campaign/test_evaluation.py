@@ -23,6 +23,7 @@ def test_verification_notices_a_response_that_is_one_percent_off(wts_derivation)
     assert dataclasses.replace(wts_derivation, influence=off).verification["radial_profile"] > 5e-3
 
 
+@pytest.mark.slow
 def test_the_cost_is_announced_before_the_long_computations(tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
     told = []

@@ -39,7 +39,7 @@ def test_intervals_cover_from_three_to_seventeen_cases(draw, count):
     assert 0.93 <= covered <= 0.975, covered
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(17, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [pytest.param(3, marks=pytest.mark.slow), pytest.param(17, marks=pytest.mark.slow)])
 def test_intervals_of_skill_cover_with_errors_that_go_together(count):
     random = np.random.default_rng(count)
     common = draw_lognormal(random, (6000, count))

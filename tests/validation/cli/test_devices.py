@@ -71,6 +71,7 @@ def test_every_option_of_record_reaches_the_sensor_or_the_recorder(plug_in, tmp_
     assert json.loads(out)["frames"] == len(recording.times) > 1
 
 
+@pytest.mark.slow
 def test_a_cut_off_recording_is_completed_in_place(plug_in, tmp_path, softcover):
     path = tmp_path / "cut.mcap"
     assert softcover("record", plug_in().name, "--out", path, "--seconds", "0.3", "--json")[0] == 0
@@ -81,6 +82,7 @@ def test_a_cut_off_recording_is_completed_in_place(plug_in, tmp_path, softcover)
     assert mcap_reader.is_complete(path)
 
 
+@pytest.mark.slow
 def test_another_device_on_the_port_and_a_second_client_are_refused(plug_in, softcover, monkeypatch):
     monkeypatch.setitem(Sensor.__init__.__kwdefaults__, "timeout", 0.1)
     with answer_always(b"hello\r\n") as name:

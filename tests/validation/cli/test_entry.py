@@ -91,7 +91,7 @@ def test_unwritable_out_is_found_before_the_work(softcover, command, without_ref
         "doctor",
         "datasheet sdh2-distal",
         "export wts-0614-34",
-        "limits sdh2-distal --noise 5mN",
+        pytest.param("limits sdh2-distal --noise 5mN", marks=pytest.mark.slow),
         "design sdh2-distal --thickness 2mm --noise 5mN",
         "view wts-0614-34 --indenter tip --load 1N --seconds 0.1",
     ],

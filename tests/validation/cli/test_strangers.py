@@ -37,6 +37,7 @@ def test_escape_sequences_in_a_recording_are_printed_as_text(softcover, tmp_path
     assert (out + err).replace("\n", "").isprintable()
 
 
+@pytest.mark.slow
 def test_escape_sequences_in_arguments_and_names_are_printed_as_text(softcover, tmp_path):
     save_named(ESCAPES, tmp_path / "given")
     words = ("--indenter", "tip", "--load", "1N")

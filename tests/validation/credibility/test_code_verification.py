@@ -33,6 +33,7 @@ def test_a_check_fails_by_its_order_or_by_its_result():
     assert make_check((0.001, 0.002, 0.001)).passed  # below the tolerance on every grid
 
 
+@pytest.mark.slow
 def test_all_checks_pass_on_the_assumed_cover(wts_derivation):
     sensor = wts_derivation.sensor
     checks = verify_code(sensor.cover, sensor.array)

@@ -60,6 +60,7 @@ def compare(factors=(0.96, 0.98), cover=COVER, inputs=POSITION):
     return {each.quantity.split(" [")[0]: each for each in found}
 
 
+@pytest.mark.slow
 def test_u_val_of_one_load_by_hand():
     found = compare()
     total = LOAD * SLOPE

@@ -72,6 +72,7 @@ def test_the_page_counts_the_recordings_that_the_template_finds(folder):
     assert len(found.files) == sum(map(int, stated)) == len(list(folder.glob("day*/*/*"))) == 60
 
 
+@pytest.mark.slow
 def test_each_split_scores_recordings_that_it_does_not_fit(folder):
     """Each split has the scores that its name promises: all are in the scored series, and none of them is fitted."""
     found = find_data_set(folder)

@@ -31,6 +31,7 @@ def test_kernels_are_symmetric_and_fall_from_the_loaded_cell(cells):
     assert cells.influence.sum() / cells.per_texel**2 == pytest.approx(1, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_number_of_cells_follows_the_thickness_within_its_limits(derivation, bonded):
     spread, array = derivation.influence, TexelArray.grid(3, 3, 3.4e-3)
     assert cover_cells(bonded(0.49, thickness=5e-3), array, spread).per_texel == 4

@@ -204,6 +204,7 @@ def test_the_range_of_sigma_is_that_of_real_runs_with_the_moduli_and_ratios_at_t
     assert high - 1 == pytest.approx(above, rel=0.02, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_no_range_is_stated_without_one_of_the_materials():
     stacked = stack_layers((1.5e-3, 1e6, 0.45))
     assert sigma_range(stacked, load("wts-0614-34").array, point_spread(stacked)) is None

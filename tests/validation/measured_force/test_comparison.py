@@ -55,6 +55,7 @@ def test_the_interval_covers_the_known_factor(stated):
     assert 0.9 <= covered / 150 <= 0.99
 
 
+@pytest.mark.slow
 def test_errors_of_scored_points_are_within_their_uncertainty_as_often_as_stated():
     random, inside = np.random.default_rng(7), 0
     for _ in range(150):

@@ -50,8 +50,14 @@ def score(case):
     "case",
     [
         make_case((0.0, 0.05, 0.25, 0.4), (0.0, 0.0, 3.0, 1.0), [(1e-3, -2e-3)] * 4),
-        make_case((0.0, 0.1, 0.4), (2.0, 2.0, 2.0), [(-3e-3, 0.0), (-3e-3, 0.0), (5e-3, 7e-3)]),
-        make_case((0.0, 0.2, 0.4), (1.0, 3.0, 1.0), [(0.0, 0.0), (6e-3, 2e-3), (0.0, 0.0)], repeat=2),
+        pytest.param(
+            make_case((0.0, 0.1, 0.4), (2.0, 2.0, 2.0), [(-3e-3, 0.0), (-3e-3, 0.0), (5e-3, 7e-3)]),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            make_case((0.0, 0.2, 0.4), (1.0, 3.0, 1.0), [(0.0, 0.0), (6e-3, 2e-3), (0.0, 0.0)], repeat=2),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["load", "slide", "slide under a growing load"],
 )
@@ -96,6 +102,7 @@ def test_overshoot_and_delay_count_every_texel(texel):
     assert fast.misplaced == pytest.approx(0.15, abs=1e-6)  # half of the load lies outside, and 0.35 of the model's
 
 
+@pytest.mark.slow
 def test_a_slow_ramp_comes_late_by_the_group_delay_of_filter_samples_and_frames():
     """sqrt(2) / (2 pi fc) of a second-order filter, half a frame, and half a sample of a frame's age."""
     found = score(make_case((0.0, 3.0), (0.5, 3.0), [(0.0, 0.0)] * 2))
@@ -246,6 +253,7 @@ def test_a_landing_says_what_it_does_not_know():
         assert each in words
 
 
+@pytest.mark.slow
 def test_friction_in_slides_and_unloading_is_named():
     bench = dataclasses.replace(BENCH, friction=0.4)
     case = make_case((0.0, 0.1, 0.4), (2.0, 1.0, 1.0), [(0.0, 0.0), (0.0, 0.0), (5e-3, 0.0)])
@@ -279,6 +287,7 @@ def test_a_short_pulse_is_scored():
     assert np.isfinite(found.scores[0].error)
 
 
+@pytest.mark.slow
 def test_a_fast_slide_is_warned_of():
     """16 mm in 1 ms: a millimetre takes 1 / 16 ms."""
     found = score(make_case((0.0, 1e-3, 0.05), (2.0, 2.0, 2.0), [(0.0, 0.0), (16e-3, 0.0), (16e-3, 0.0)]))

@@ -144,6 +144,7 @@ def write_mcap_bomb(path, content=None):
     path.write_bytes(head + record(1, text(b"ros2") + text(b"other")) + schema + channel + chunk + end + head)
 
 
+@pytest.mark.slow
 def test_reading_ends_at_the_limit_of_its_time_and_leaves_no_timer(tmp_path, monkeypatch):
     """A chunk of millions of empty records: a library reads them for minutes."""
     write_mcap_bomb(tmp_path / "slow.mcap", content=bytes(9 * 2**20))

@@ -296,6 +296,7 @@ def test_a_killed_recorder_loses_at_most_half_a_second(tmp_path):
     assert missing[-1] < 2.0
 
 
+@pytest.mark.slow
 def test_control_c_ends_a_recording_properly(tmp_path):
     with _running() as port:
         run = _start_recorder(port, tmp_path / "c.mcap")

@@ -205,6 +205,7 @@ def test_damaged_chunks_are_refused(data, options, message):
     assert list(unpack_records(chunk(RECORD, size=12, compression="", crc=zlib.crc32(RECORD)), BUDGET)) == []
 
 
+@pytest.mark.slow
 def test_a_small_file_with_a_large_chunk_is_refused(tmp_path):
     """A chunk of 256 MiB in a file of some kilobytes, as a message of zeros makes it."""
     setup = encode_text(json.dumps(good_labels()))

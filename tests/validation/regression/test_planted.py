@@ -103,7 +103,9 @@ def measured_reference(derivation, groups):
     return measure_groups(derivation.parameters, groups, derivation)
 
 
-@pytest.mark.parametrize("factor", [1.03, pytest.param(0.97, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "factor", [pytest.param(1.03, marks=pytest.mark.slow), pytest.param(0.97, marks=pytest.mark.slow)]
+)
 def test_a_fit_that_gives_another_sigma_is_named(wts_derivation, factor, monkeypatch):
     before = measured_reference(wts_derivation, ["kernel"])
     healthy_fit = kernel_fit.fit_gaussian

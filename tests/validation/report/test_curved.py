@@ -39,6 +39,9 @@ CHECK = Check(
 )  # fmt: skip
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _cells():
     with coarse_cells():
@@ -79,7 +82,6 @@ def stored(folder):
     return json.loads((folder / "report.json").read_text())
 
 
-@pytest.mark.slow
 def test_the_poses_are_those_of_the_campaign(stored):
     edge = stored["campaign"]["cases"][1]
     assert edge["direction"] == pytest.approx([0.5, 0, -np.cos(np.radians(30))])

@@ -147,6 +147,7 @@ def test_mirrored_touches_have_mirrored_limits(study, counts):
         assert errors[0] == pytest.approx(errors[1], rel=0.05)  # other noise
 
 
+@pytest.mark.slow
 def test_errors_and_least_force_are_proportional_to_the_noise(study):
     def list_errors(noise, load):
         seen = see(study, Channel(noise=noise), radius=2e-3, load=load)
@@ -175,6 +176,7 @@ def test_a_single_texel_knows_a_pitch_and_no_more(study, counts):
     assert alone["radius"].counts == "singular at 16 of 16 places"
 
 
+@pytest.mark.slow
 def test_a_round_touch_is_the_sum_of_its_points():
     radius, place = 1.7e-3, np.array([0.6e-3, -0.4e-3])
     nodes, weights = np.polynomial.legendre.leggauss(40)

@@ -255,7 +255,7 @@ def test_finish_ends_the_wait_for_a_payload_that_never_comes():
     assert parser.bytes_skipped == 6
 
 
-@pytest.mark.parametrize("kind", ["noise", "preambles", "heads"])
+@pytest.mark.parametrize("kind", ["noise", pytest.param("preambles", marks=pytest.mark.slow), "heads"])
 def test_memory_is_bounded_under_endless_garbage(kind):
     noise = Random(1).randbytes(4096)  # noqa: S311 -- reproducible, no secret
     piece = {"noise": noise, "preambles": b"\xaa" * 4096, "heads": (PREAMBLE + b"\x00\x20\x03") * 40}[kind]

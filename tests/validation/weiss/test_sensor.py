@@ -231,6 +231,7 @@ def test_permission_denied_names_the_group(tmp_path, monkeypatch):
         Sensor(str(tmp_path))
 
 
+@pytest.mark.slow
 def test_open_questions_are_answered_and_one_without_an_answer_does_not_end_the_others(plug_in, monkeypatch):
     monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 60)
     wrong = Misbehaviour(refused={Command.GET_GAIN: Status.COMMAND_UNKNOWN})

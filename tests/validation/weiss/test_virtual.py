@@ -153,6 +153,7 @@ def test_complete_frames_are_left_out_for_a_client_that_does_not_read(plug_in):
     assert port.left_out > 10
 
 
+@pytest.mark.slow
 def test_a_sensor_behind_a_network_port():
     stop = threading.Event()
 

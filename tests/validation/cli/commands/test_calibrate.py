@@ -56,6 +56,7 @@ def test_the_pose_is_fitted(softcover, recordings):
     assert (x, y) == pytest.approx((POSE.x, POSE.y), abs=1e-3)  # gains take up a shift: one stamp in one place
 
 
+@pytest.mark.slow
 def test_a_data_set_file_stands_for_its_recordings(softcover, recordings, tmp_path):
     paths, _ = recordings
     data_set = paths[0].parent / "set.toml"

@@ -68,6 +68,7 @@ def test_the_list_has_an_entry_each_newest_first(filled):
     assert result["bytes"] == sum(path.stat().st_size for path in result_store.folder().iterdir())
 
 
+@pytest.mark.slow
 def test_an_indentation_is_described_in_the_words_of_the_command_line(softcover):
     """Uses the store that all tests share, so that the indentation is solved once for all of them."""
     press = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g", "--model", "fem", "--json")
