@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -144,8 +145,14 @@ class Designs(Result):
         return [axis for axis in AXES if len(self.values(axis)) > 1]
 
     def varies(self, name: str) -> list[str]:
-        """Return the axes along which a number changes."""
-        return [axis for axis in AXES if len({each.numbers[name] for each in self.line(axis)}) > 1]
+        """Return the axes along which a number changes anywhere."""
+        found = []
+        for axis in AXES:
+            lines = defaultdict(set)
+            for each in self.designs:
+                lines[tuple(getattr(each, other) for other in AXES if other != axis)].add(each.numbers[name])
+            found += [axis] if max(map(len, lines.values())) > 1 else []
+        return found
 
     def explain(self) -> Iterator[str]:
         """Yield sentences about the best design, how flat the optimum is, and what the numbers hold for."""

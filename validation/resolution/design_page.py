@@ -22,6 +22,8 @@ _WIDTH, _HEIGHT = 4.4, 3.2
 _COLOURS, _INK = ("#f4f8fc", "#8fbbe0"), "#1f2a37"
 #: Largest over least value of a map from which its iso-lines are at equal ratios [-].
 _WIDE = 8.0
+#: These ratios over a power of ten, for few and for many powers [-].
+_STEPS = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0))
 
 
 def tabulate_designs(found: Designs, shown: Sequence[Design], axes: Sequence[str], **options: Any) -> Table:  # noqa: ANN401 -- as `Table`
@@ -147,15 +149,21 @@ def draw(found: Designs, name: str, axes: tuple[str, ...], figure: Axes) -> None
         figure.plot(star[0], height, "*", color="#d55e00", markersize=10)
         figure.set_ylim(bottom=0)
         return
-    least, most = np.nanmin(values), np.nanmax(values)
-    locator = LogLocator(subs=(1, 1.5, 2, 3, 5, 7)) if least > 0 and most > _WIDE * least else MaxNLocator(7)
+    known = values[np.isfinite(values)]
+    figure.plot(*star, "*", color="#d55e00", markersize=10, clip_on=False)
+    figure.set(xlim=places[0][[0, -1]], ylim=places[1][[0, -1]], ylabel=_title(found, axes[1]))
+    if not len(known) or known.min() == known.max():
+        figure.set_title(f"{column.title}: {f'{known[0]:.3g} everywhere here' if len(known) else 'none here'}")
+        return
+    least, most = known.min(), known.max()
+    locator = (
+        LogLocator(subs=_STEPS[int(most > _WIDE**2 * least)]) if least > 0 and most > _WIDE * least else MaxNLocator(7)
+    )
     levels = np.unique(np.clip(locator.tick_values(least, most), least, most))
     grid = (*places, values.T)
     figure.contourf(*grid, levels=levels, cmap=LinearSegmentedColormap.from_list("maps", _COLOURS))
     lines = figure.contour(*grid, levels=levels, colors=_INK, linewidths=0.7)
     for label in figure.clabel(lines, fmt="%g", colors=_INK):
         label.set_clip_on(False)
-    if name == "error_m" and np.isfinite(middle.error):
-        figure.contour(*grid, levels=[FLAT * column.factor * middle.error], colors="#d55e00", linestyles="--")
-    figure.plot(*star, "*", color="#d55e00", markersize=10, clip_on=False)
-    figure.set_ylabel(_title(found, axes[1]))
+    if name == "error_m" and least < (level := FLAT * column.factor * middle.error) < most:
+        figure.contour(*grid, levels=[level], colors="#d55e00", linestyles="--")

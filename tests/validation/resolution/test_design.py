@@ -233,6 +233,17 @@ def test_the_command_writes_a_page_with_every_design(softcover, tmp_path):
     assert (tmp_path / "page" / "maps.png").read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("error")
+def test_a_page_is_drawn_where_designs_have_no_numbers(tmp_path):
+    """A heavy ball presses soft and thin covers too deep, so that maps have gaps, and one number is the same."""
+    options = {"thickness": "1mm:3mm:2", "hardness": "25A:75A:2", "pitch": "3mm:4mm:2", "ball": "2 mm"}
+    for load in ("2 N", "200 N"):
+        found = ask(load=load, out=tmp_path / load[:-2], **options)
+        assert any(each.numbers["error_m"] is None for each in found.designs)
+        assert (tmp_path / load[:-2] / "index.html").is_file()
+
+
 def test_more_designs_than_can_be_computed_are_refused_before_they_start(tmp_path):
     with pytest.raises(InputError, match=r"1000 x 1 x 1000 = 1000000 designs would take about 833 min; at most 5000"):
         ask(thickness="1mm:5mm:1000", pitch="2mm:5mm:1000", out=tmp_path / "page")
