@@ -25,6 +25,8 @@ from validation.resolution.touches import Touches, find_touches
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
+#: Middle of the cell in which a touch may be, from a texel along x and y, over the pitch, by prior [-].
+SHIFTS = {"around": 0.0, "between": 0.5}
 #: Places along each side of a pitch at which a touch is tried, and frames drawn at each [-].
 _PLACES, _FRAMES = 4, 16
 #: Frames drawn at each place where a number for every texel is wanted [-].
@@ -76,7 +78,9 @@ class Limits(Result):
         separation: Distance of two touches; None if not asked for [m].
         noise: Standard deviation of the noise of a texel, as a force [N].
         noise_assumed: Whether it is one count, because none is stated.
-        texel: Index of the texel within whose pitch the touches lie.
+        texel: Index of the texel around or beside which the touches lie.
+        prior: Where a touch may be: `around`, within a pitch around the texel; `between`, in the cell between the
+            centre of the texel and those next along x and y.
         ideal: Limits with noise alone, without electronics.
         counted: Limits of the counts.
         by_texel: Error of place per axis with known force, of touches within the pitch of each texel [m]; None for a
@@ -92,6 +96,7 @@ class Limits(Result):
     noise: float
     noise_assumed: bool
     texel: int
+    prior: str = "around"
     ideal: tuple[Limit, ...]
     counted: tuple[Limit, ...]
     by_texel: tuple[float | None, ...] = ()
@@ -101,15 +106,16 @@ class Limits(Result):
         """Yield sentences about the touches, the noise, and which number of each quantity counts."""
         shape = f"round touches of {1e3 * self.radius:g} mm" if self.radius else "point touches"
         assumed = ": one count, because the sensor states none; give yours with --noise" if self.noise_assumed else ""
+        cell = {"around": "within a pitch around", "between": "in the cell beyond the centre of"}[self.prior]
         yield (
-            f"For {shape} of {self.load:g} N within a pitch around texel {self.texel}, and noise of "
+            f"For {shape} of {self.load:g} N {cell} texel {self.texel}, and noise of "
             f"{1e3 * self.noise:.3g} mN{assumed}."
         )
-        which: dict[str, list[str]] = {}
+        which: dict[str, dict[str, None]] = {}
         for each in self.counted:
-            which.setdefault(each.counts, []).append(each.name)
+            which.setdefault(each.counts, {})[each.name.split(",")[0].removesuffix(" x").removesuffix(" y")] = None
         for counts, names in which.items():
-            yield f"{'; '.join(names)}: {counts}."
+            yield f"{' and '.join(names).capitalize()}: {counts}."
         if self.thicknesses:
             best = min(self.thicknesses, key=lambda row: row["counted_m"] or math.inf)
             yield f"Best thickness for the place, as counted: {1e3 * (best['thickness_m'] or 0):.3g} mm."
@@ -125,6 +131,7 @@ class Study:
         texel: Index of the texel among the active ones.
         load: Force of a touch [N].
         radius: Radius of a touch [m].
+        shift: Middle of the cell of places from the texel, along x and y, over the pitch [-].
     """
 
     touches: Touches
@@ -132,6 +139,12 @@ class Study:
     texel: int
     load: float
     radius: float = 0.0
+    shift: float = 0.0
+
+    @property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest x and y of the cell of places, shape (2,) each [m]."""
+        return (self.shift - 0.5) * self.pitch, (self.shift + 0.5) * self.pitch
 
     @property
     def pitch(self) -> FloatArray:
@@ -141,7 +154,7 @@ class Study:
     @property
     def places(self) -> FloatArray:
         """Places within a pitch, shape (k, 2) [m]."""
-        line = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
+        line = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5 + self.shift
         return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2) * self.pitch
 
     def respond(self, places: FloatArray, radius: float | None = None) -> FloatArray:
@@ -203,18 +216,18 @@ class Study:
     @cached_property
     def seen(self) -> IntArray:
         """Indices of the texels that frames of touches within the pitch may show."""
-        ends = np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5], [0.0, 0.0]]) * self.pitch
-        most = _HEAVIEST * self.load * self.respond(ends).max(axis=0)
+        ends = np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5], [0.0, 0.0]]) + self.shift
+        most = _HEAVIEST * self.load * self.respond(ends * self.pitch).max(axis=0)
         return np.flatnonzero(self.channel.is_shown(most[None])[0])
 
     @cached_property
     def list_whole(self) -> Callable[[int], tuple[FloatArray, FloatArray]]:
         """Function that lists places over a pitch, and the shares of the texels `seen`, by the places along a side."""
-        return cache(lambda count: self._list_between(-self.pitch / 2, self.pitch / 2, count))
+        return cache(lambda count: self._list_between(*self.ends, count))
 
     def _list_around(self, truth: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray]:
-        low, high = np.maximum(-self.pitch / 2, truth - half), np.minimum(self.pitch / 2, truth + half)
-        return self._list_between(low, high, _NARROW)
+        low, high = self.ends
+        return self._list_between(np.maximum(low, truth - half), np.minimum(high, truth + half), _NARROW)
 
     def _list_between(self, low: FloatArray, high: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
         """List places at equal steps, shape (m, 2) [m], and the shares of the texels `seen` there, shape (m, s) [-]."""
@@ -301,8 +314,6 @@ class Study:
 
     def bound_radius(self) -> tuple[FloatArray, BoolArray]:
         """Compute the smallest error of the radius and where it counts, with place and force unknown."""
-        if not self.radius:
-            return np.full(len(self.places), np.inf), np.zeros(len(self.places), dtype=bool)
         covariance, forces = self.bound(self.places, 4)
         deviation = np.sqrt(covariance[:, 3, 3])
         return deviation, self._resolve(forces, deviation, self.radius)
@@ -336,7 +347,8 @@ def list_limits(study: Study, separation: float | None) -> tuple[Limit, ...]:
         found += [
             _combine(name, unit, bound[:, axis], posterior[:, axis], regular) for axis, (name, unit) in enumerate(names)
         ]
-    found.append(_keep("radius", *study.bound_radius()))
+    if study.radius:
+        found.append(_keep("radius", *study.bound_radius()))
     if separation is not None:
         found.append(_keep("separation", *study.bound_separation(separation)))
     for name, place in (("least force, over the texel", 0.0), ("least force, worst place", 0.5)):
@@ -392,6 +404,7 @@ def find_limits(
     radius: float = 0.0,
     separation: float | None = None,
     noise: float | None = None,
+    prior: str = "around",
     over_array: bool = False,
     thicknesses: Sequence[float] = (),
     progress: Callable[[str], None] | None = None,
@@ -404,6 +417,7 @@ def find_limits(
         radius: Radius of a touch; 0 for a point [m].
         separation: Distance of two touches of this load each; None for one touch [m].
         noise: Standard deviation of the noise of each texel's force; None for that of the sensor, or one count [N].
+        prior: Where a touch may be, `around` a texel or `between` texels.
         over_array: Whether to compute the error of place above each texel.
         thicknesses: Thicknesses of the cover for a curve; all layers are scaled by one factor [m].
         progress: Called with a line of text before each step.
@@ -419,10 +433,10 @@ def find_limits(
     middle = find_middle(array)
     place = int(np.searchsorted(np.flatnonzero(array.active), middle))
     touches = find_touches(cover, sensor, progress)
-    study = Study(touches=touches, channel=counted, texel=place, load=load, radius=radius)
+    study = Study(touches=touches, channel=counted, texel=place, load=load, radius=radius, shift=SHIFTS[prior])
     by_texel: list[float | None] = [None] * array.count if over_array else []
     for number, texel in enumerate(np.flatnonzero(array.active) if over_array else ()):
-        by_texel[texel] = find_place_error(replace(study, texel=number), _MAP_FRAMES)
+        by_texel[texel] = find_place_error(replace(study, texel=number, shift=0.0), _MAP_FRAMES)
     curve = []
     for thickness, scaled in zip(thicknesses, covers, strict=True):
         other = replace(study, touches=find_touches(scaled, sensor, progress))
@@ -441,6 +455,7 @@ def find_limits(
         noise=counted.noise,
         noise_assumed=assumed,
         texel=middle,
+        prior=prior,
         ideal=list_limits(replace(study, channel=ideal), separation),
         counted=list_limits(study, separation),
         by_texel=tuple(by_texel),

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from meshes.hardness import SCALES
 from validation.api import describe
@@ -46,6 +46,7 @@ def limits(
     two: str | None = None,
     radius: str = "0 mm",
     thicknesses: str | None = None,
+    prior: Literal["around", "between"] = "around",
     picture: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Limits:
@@ -58,6 +59,8 @@ def limits(
         two: Distance of two touches whose separation is told; None for one touch.
         radius: Radius of a touch, `0 mm` for a point.
         thicknesses: Least and largest thickness of a curve over the thickness of a flat cover, such as `1mm:6mm`.
+        prior: Where a touch may be: within a pitch `around` the middle texel, or in the cell `between` it and the next
+            ones.
         picture: File for the error of place above every texel, .png or .svg; None to compute no map.
         progress: Called with a line of text before each step.
 
@@ -75,7 +78,7 @@ def limits(
     from validation.resolution.limits import find_limits
     from validation.resolution.picture import draw_map
 
-    found = find_limits(description, **options, over_array=target is not None, progress=progress)
+    found = find_limits(description, **options, prior=prior, over_array=target is not None, progress=progress)
     if target is not None:
         draw_map(found, description.array, target)
     return found

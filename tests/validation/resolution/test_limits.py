@@ -172,8 +172,18 @@ def test_a_single_texel_knows_a_pitch_and_no_more(study, counts):
     assert dark.value == pytest.approx(unknown, rel=1e-3)
     assert one.value == pytest.approx(unknown, rel=0.03)
     alone = by_name(see(study, counts, load=0.3), 3e-3)
+    assert "radius" not in alone
+    alone = by_name(see(study, counts, load=0.3, radius=1e-3), 3e-3)
     assert {alone[name].value for name in ("radius", "separation")} == {None}
     assert alone["radius"].counts == "singular at 16 of 16 places"
+
+
+@pytest.mark.parametrize(("thickness", "error"), [(1e-3, 402e-6), (2e-3, 429e-6), (5e-3, 990e-6)])
+def test_a_touch_between_texels_is_told_by_those_around_it(study, counts, thickness, error):
+    """Root mean square error of 0.3 N in the cell between texels, by a posterior on another grid with other frames."""
+    cover = replace(WTS.cover, layers=(replace(WTS.cover.layers[0], thickness=thickness),))
+    seen = see(study, counts, touches=find_touches(cover, WTS), load=0.3, shift=0.5)
+    assert find_place_error(seen) == pytest.approx(error, rel=0.05)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from validation.cli import options, output
 
@@ -21,6 +21,7 @@ def limits(
     two: options.Length | None = None,
     radius: options.Length = "0mm",
     thicknesses: options.Span | None = None,
+    prior: Literal["around", "between"] = "around",
     cover: options.CoverChanges = options.UNCHANGED,
     picture: options.File | None = None,
     json: options.Json = False,
@@ -46,6 +47,8 @@ def limits(
         two: Distance of two touches whose separation is told, e.g. 3mm.
         radius: Radius of a touch, e.g. 1mm; 0mm for a point.
         thicknesses: Also compute eleven thicknesses of a flat cover from the first to the second, e.g. 1mm:6mm.
+        prior: Where a touch may be: within a pitch around the middle texel, or between it and the next
+            ones.
         picture: Draw the error of place above every texel, a .png or .svg file.
     """
     from validation.resolution import verb
@@ -53,8 +56,8 @@ def limits(
     description = options.read_description(sensor, cover, any_cover=True)
     with output.Progress() as progress:
         found = verb.limits(
-            description, load=load, noise=noise, two=two, radius=radius, thicknesses=thicknesses, picture=picture,
-            progress=progress,
+            description, load=load, noise=noise, two=two, radius=radius, thicknesses=thicknesses, prior=prior,
+            picture=picture, progress=progress,
         )  # fmt: skip
     output.print_json(found.as_json()) if json else _print(found)
     if picture is not None:
