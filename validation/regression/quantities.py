@@ -26,7 +26,7 @@ from validation.campaign.results import CaseResult
 from validation.credibility.uncertainty import compare_quantities
 from validation.metrics import centre_of_pressure, second_moments
 from validation.places import PoseText, find_places
-from validation.regression import experiments, exports, in_time, made_up
+from validation.regression import experiments, exports, in_time, made_up, touches
 from validation.regression.reading import Reading, Readings, Subject, Value, find_unit, list_numbers, read
 from validation.sensor_file import BUILT_IN
 
@@ -314,6 +314,7 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "metric": experiments.score_fixed_images,
         "pooling": experiments.pool_fixed_scores,
         "in time": in_time.measure_time,
+        "touches": touches.measure_touches,
         "kernel": measure_derivation,
         "shipped parameters": compare_shipped,
         "reference": measure_reference,

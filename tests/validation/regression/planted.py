@@ -39,6 +39,8 @@ from validation.regression import experiments as fixed_images
 from validation.regression.baseline import make_baseline
 from validation.regression.quantities import EXPERIMENTS, measure
 from validation.regression.reading import Subject
+from validation.resolution.channel import Channel
+from validation.resolution.posterior import Posterior
 from validation.text import indenter
 
 #: Groups of quantities that need finite elements.
@@ -288,8 +290,10 @@ NEIGHBOURS = {
 }  # fmt: skip
 
 
-#: Plants of what changes in time.
+#: Plants of what changes in time, and of touches.
 IN_TIME = {
+    "noise told 5 % smaller": (edit(Channel, "information", "self.noise**-2", "1.1 * self.noise**-2"), "touches: bound of x and y"),
+    "intervals 20 % narrower": (edit(Posterior, "summarise", "[0.025, 0.975]", "[0.06, 0.94]"), "touches: interval of x and y"),
     "creep 5 % too small": (edit(Creep, "step", "self.weight * xp", "0.95 * self.weight * xp"), "in time: creep of a held load"),
     "a filter that is computed more rarely": (slow_down, "in time: step through published filters, after 6 and 20 ms"),
     "misplaced force halved": (scale_result(run, "measure_misplaced", 0.5), "in time: scores of a moving case"),

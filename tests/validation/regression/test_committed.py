@@ -13,7 +13,7 @@ from validation.regression.reading import Subject, describe_sensor
 
 ROOT = Path(__file__).parents[3]
 #: Groups that take seconds.
-SLOW = ("calibration", "in time", "recordings")
+SLOW = ("calibration", "in time", "recordings", "touches")
 #: Groups that need no finite elements, and those that the shared derivation has the results for.
 FAST, DERIVED = (
     [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in names]

@@ -37,7 +37,7 @@ pytestmark = pytest.mark.filterwarnings("error::fastmodel.OptionWarning")
 
 #: Groups that need no finite elements.
 WITHOUT_ELEMENTS = [
-    pytest.param(name, marks=[pytest.mark.slow] * (name in ("calibration", "in time")))
+    pytest.param(name, marks=[pytest.mark.slow] * (name in ("calibration", "in time", "touches")))
     for name in EXPERIMENTS
     if name not in WITH_ELEMENTS
 ]
