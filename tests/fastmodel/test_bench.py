@@ -68,7 +68,10 @@ def test_a_bent_array_carries_the_weight():
     assert result.contact_forces.argmax() == 4
 
 
-@pytest.mark.parametrize("method", ["boxes", "foundation", "cover"])
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param("boxes", marks=pytest.mark.slow), pytest.param("foundation", marks=pytest.mark.slow), "cover"],
+)
 def test_a_simulated_fall_ends_at_the_height_at_which_the_indenter_is_set_down(monkeypatch, method):
     sensor = fastmodel.load("sdh2-distal")
     shapes = (Box(size=(9e-3, 7e-3, 5e-3)), tilt_indenter(Box(size=(9e-3, 7e-3, 5e-3)), (0.02, 0.01)), RoundedTip())

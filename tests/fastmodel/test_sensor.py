@@ -179,7 +179,7 @@ def test_another_model_a_skipped_step_a_reset_and_a_broken_state_are_refused():
         sensor.step(data)
 
 
-@pytest.mark.parametrize("stepped", [0, 5])
+@pytest.mark.parametrize("stepped", [0, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_changed_timestep_is_refused_by_step_and_followed_by_reset(stepped):
     sensor, model, data = ball_on_array()
     run(sensor, model, data, stepped)

@@ -148,7 +148,7 @@ def test_texels_and_outside_add_up_to_the_load(bonded, nu):
     assert (solution.texel_influence(masked, places)[:, 1] == 0).all()
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.5])
+@pytest.mark.parametrize("nu", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_uniform_pressure_on_a_sliding_cover_gives_uniform_base_pressure(bonded, nu):
     """Uniaxial stress is an exact state: every texel carries its part of the area."""
     cover = bonded(nu, size=(11e-3, 8e-3), base="sliding")

@@ -184,7 +184,7 @@ def test_long_waves_on_a_sliding_base(bonded, nu):
         assert closed_form.transfer(each, [1e-6, 1.0, 3.0]).compliance == pytest.approx(exact, rel=1e-4)
 
 
-@pytest.mark.parametrize(("shape", "radius"), [(Sphere, 1.0), (RoundedTip, 3.0)])
+@pytest.mark.parametrize(("shape", "radius"), [(Sphere, 1.0), pytest.param(RoundedTip, 3.0, marks=pytest.mark.slow)])
 def test_wide_radii_approach_the_compression_of_a_bonded_layer(bonded, shape, radius):
     """F = pi R M depth^2 / h with the oedometric modulus M (Johnson 1985, sec. 5.8); the edge adds h / a at most."""
     cover, depth = bonded(0.3), 2e-4

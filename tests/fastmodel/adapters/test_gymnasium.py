@@ -35,7 +35,7 @@ def test_every_observation_lies_in_the_space():
     assert env.observation_space["tactile"].shape == (14, 6)
 
 
-@pytest.mark.parametrize("physics_steps", [1, 20])
+@pytest.mark.parametrize("physics_steps", [pytest.param(1, marks=pytest.mark.slow), 20])
 def test_frames_are_those_of_the_bare_simulation_at_the_sensors_own_rate(physics_steps):
     env = wrap_ball(physics_steps=physics_steps)
     env.reset(seed=3)

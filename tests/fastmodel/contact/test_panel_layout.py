@@ -153,7 +153,7 @@ def scene(array, turn, method):
     return sensor
 
 
-@pytest.mark.parametrize("method", ["foundation", "cover"])
+@pytest.mark.parametrize("method", ["foundation", pytest.param("cover", marks=pytest.mark.slow)])
 def test_turning_a_bent_array_and_its_object_together_changes_no_texel(method):
     array = bent(15e-3)
     turn = multiply(np.array([np.cos(0.4), np.sin(0.4), 0, 0]), make_z_rotation(1.1))

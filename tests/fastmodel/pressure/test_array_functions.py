@@ -106,7 +106,7 @@ def build_compliance():
     return table[abs(row[:, None] - row), abs(column[:, None] - column)]
 
 
-@pytest.mark.parametrize("tilts", [False, True])
+@pytest.mark.parametrize("tilts", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_forces_obey_the_conditions_of_the_minimum(tilts):
     """Surfaces meet where pressure acts and overlap nowhere; a free body turns by the slack of the missing moments."""
     gap, load = random_gaps(16, seed=2)

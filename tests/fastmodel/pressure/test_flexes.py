@@ -68,7 +68,11 @@ def test_the_image_of_a_soft_cube_at_rest_is_steady_and_its_force_exact():
     assert image[beyond].max() < 1e-6
 
 
-@pytest.mark.parametrize(("shape", "wide"), [(CLOTH, (12e-3, 8e-3)), (CABLE, (12e-3, 0.0))], ids=["cloth", "cable"])
+@pytest.mark.parametrize(
+    ("shape", "wide"),
+    [pytest.param(CLOTH, (12e-3, 8e-3), marks=pytest.mark.slow), (CABLE, (12e-3, 0.0))],
+    ids=["cloth", "cable"],
+)
 def test_cloths_and_cables_are_laid_out_along_their_length(shape, wide):
     sensor, model, data = build_flexes([(shape, "1e-3 -2e-3 0.6e-3", 0.05)], STIFF)
     run(sensor, model, data, 400)

@@ -48,11 +48,11 @@ def test_cells_of_a_half_space_move_as_cerruti_says(ratio, width, height):
     ("cover", "width", "height"),
     [
         (ONE, 0.5e-3, 0.8e-3),
-        (stack_layers((1e-3, 2e6, 0.5)), 1.3e-3, 0.15e-3),
-        (stack_layers((1e-3, 2e6, 0.0)), 0.3e-3, 0.1e-3),
+        pytest.param(stack_layers((1e-3, 2e6, 0.5)), 1.3e-3, 0.15e-3, marks=pytest.mark.slow),
+        pytest.param(stack_layers((1e-3, 2e6, 0.0)), 0.3e-3, 0.1e-3, marks=pytest.mark.slow),
         pytest.param(TWO, 0.6e-3, 0.25e-3, marks=pytest.mark.slow),
         pytest.param(replace(TWO, base="sliding"), 0.3e-3, 0.7e-3, marks=pytest.mark.slow),
-        (stack_layers((2e-3, 1e6, 0.5), base="sliding"), 0.9e-3, 0.5e-3),
+        pytest.param(stack_layers((2e-3, 1e6, 0.5), base="sliding"), 0.9e-3, 0.5e-3, marks=pytest.mark.slow),
     ],
     ids=["one layer", "incompressible", "no transverse strain", "two", "two that slide", "one that slides"],
 )

@@ -51,7 +51,9 @@ def test_edges_of_a_letter_fall_on_edges_of_cells():
         assert grid.match_area(L.gap, face).scale == pytest.approx(1, abs=1e-3)
 
 
-@pytest.mark.parametrize(("wall", "places"), [(0.8e-3, [0.1, 0.9]), (0.83e-3, [0.10375, 0.89625])])
+@pytest.mark.parametrize(
+    ("wall", "places"), [(0.8e-3, [0.1, 0.9]), pytest.param(0.83e-3, [0.10375, 0.89625], marks=pytest.mark.slow)]
+)
 def test_each_edge_of_a_thin_frame_is_found_once(wall, places):
     outer, hole = ([(s * a, t * a) for s, t in ((1, 1), (-1, 1), (-1, -1), (1, -1))] for a in (4e-3, 4e-3 - wall))
     face = measure(Prism(points=tuple(outer), holes=(tuple(hole),)))

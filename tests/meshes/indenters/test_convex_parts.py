@@ -51,7 +51,7 @@ def test_parts_are_convex_and_tile_a_spiky_polygon(seed):
     assert all(is_convex(part, 1e-6) for part in parts)
 
 
-@pytest.mark.parametrize("noise", [2e-10, 5e-8, 1e-6])
+@pytest.mark.parametrize("noise", [2e-10, pytest.param(5e-8, marks=pytest.mark.slow), 1e-6])
 def test_corners_that_are_nearly_level_do_not_mislead(noise):
     """Slabs between such corners are so thin that the direction of their sides says little."""
     for seed in range(5):

@@ -103,15 +103,20 @@ MIXED = np.concatenate([CAP[:1, ::-1], CAP[1:]])
     ("make", "said"),
     [
         (lambda: join(CAP, INNER), "the outer surface is open and the base is closed"),
-        (lambda: join(BALL, INNER + 100 * UP), "neither lies on the closed outer surface nor inside"),
+        pytest.param(
+            lambda: join(BALL, INNER + 100 * UP),
+            "neither lies on the closed outer surface nor inside",
+            marks=pytest.mark.slow,
+        ),
         (lambda: join(BALL, INNER + 5 * UP), r"reaches through the outer surface; .* cross, as at \("),
         (lambda: join(CAP, CORE + 4 * UP), "the outer surface and the base cross each other; .* end both where"),
         (lambda: join(HIGH, 0.98 * CAP), "sides between the borders .* cut both along the same outline"),
         (lambda: thicken(CAP[:, ::-1], 1e-3, "cap", inward=True), "cap is inside out: its triangles face inwards"),
         (lambda: thicken(MIXED, 1e-3, "cap", inward=True), "face different ways"),
-        (
+        pytest.param(
             lambda: thicken(CAP, 12e-3, "cap", inward=True),
             r"bends more sharply than a thickness of 12 mm allows, as at \(.* mm; round the edges",
+            marks=pytest.mark.slow,
         ),
     ],
 )

@@ -29,7 +29,11 @@ def test_volume_and_base_of_a_fingertip_are_those_of_its_geometry():
     np.testing.assert_allclose(radius, R, rtol=1e-12)
 
 
-@pytest.mark.parametrize("cover", [flat_pad(), phalanx(), fingertip()], ids=lambda cover: cover.texels.name)
+@pytest.mark.parametrize(
+    "cover",
+    [pytest.param(flat_pad(), marks=pytest.mark.slow), phalanx(), pytest.param(fingertip(), marks=pytest.mark.slow)],
+    ids=lambda cover: cover.texels.name,
+)
 def test_built_in_covers_have_good_meshes_with_all_texels_on_the_base(cover):
     mesh = cover.mesh()
     quality = check_quality(mesh)

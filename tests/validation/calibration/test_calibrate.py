@@ -105,7 +105,7 @@ def test_temperature_coefficients_are_found_where_temperature_and_load_vary_apar
     assert any("temperature and load rise together" in note for note in confounded.notes)
 
 
-@pytest.mark.parametrize("places", [1, 2])
+@pytest.mark.parametrize("places", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_gains_from_one_placement_are_said_to_contain_its_seat(places):
     notes = calibrate(observe(5, places=places)[0], METHOD).notes
     assert sum("second placement" in note for note in notes) == (places == 1)
@@ -133,7 +133,7 @@ def test_an_unseated_weight_does_not_move_the_fit_and_is_named():
     assert any("little weight" in note and seen.groups[6] in note for note in found.notes)
 
 
-@pytest.mark.parametrize(("error", "told"), [(0.0, 0), (0.03, 1)])
+@pytest.mark.parametrize(("error", "told"), [pytest.param(0.0, 0, marks=pytest.mark.slow), (0.03, 1)])
 def test_an_error_of_the_contact_method_that_the_intervals_leave_out_is_told(error, told):
     notes = calibrate(observe(8, places=2, known=True)[0], replace(METHOD, gain_error=error)).notes
     assert sum("leave out the error" in note and "3% of a single gain" in note for note in notes) == told

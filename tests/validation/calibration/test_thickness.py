@@ -74,7 +74,7 @@ def test_no_more_than_nine_covers_are_fitted(monkeypatch):
     assert len(profile_thickness(fit, str)[1]) <= 9
 
 
-@pytest.mark.parametrize("shift", [None, 1e-3])
+@pytest.mark.parametrize("shift", [None, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_one_stamp_in_one_place_determines_no_thickness(shift):
     """Nor does a stamp that is put down again less than half a pitch beside."""
     seen = observe(4, 1.5, places=1, known=True)

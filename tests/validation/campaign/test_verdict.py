@@ -77,7 +77,7 @@ def test_the_fast_model_is_accepted_by_default(result, plan):
         assert each.margin == pytest.approx(each.limit - each.high)
 
 
-@pytest.mark.parametrize("move", [move_to_right, move_to_all])
+@pytest.mark.parametrize("move", [move_to_right, pytest.param(move_to_all, marks=pytest.mark.slow)])
 def test_the_verdict_flips_if_five_percent_of_each_load_sit_on_neighbouring_texels(result, plan, wts_derivation, move):
     verdict = judge(plan, plant(result, wts_derivation.parameters, move, 0.05))
     assert verdict.word == "not accepted"

@@ -84,7 +84,7 @@ def test_unwritable_out_is_found_before_the_work(softcover, command, without_ref
     [
         "store list",
         "store verify",
-        "store prune --dry-run",
+        pytest.param("store prune --dry-run", marks=pytest.mark.slow),
         "materials",
         "materials dragon-skin-30",
         "materials --hardness 30",

@@ -25,7 +25,7 @@ main(["materials"])
 """
 
 
-@pytest.mark.parametrize("module", ["cyclopts", "rich.table"])
+@pytest.mark.parametrize("module", ["cyclopts", pytest.param("rich.table", marks=pytest.mark.slow)])
 def test_ctrl_c_while_modules_are_loaded_is_status_130(module):
     code = INTERRUPTED.format(module=module)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)  # noqa: S603 -- ours

@@ -239,7 +239,9 @@ def test_the_built_in_file_reads_the_published_tree(tmp_path):
     assert len(found.splits) == 15
 
 
-@pytest.mark.parametrize("known", ["labels", "force", "table"])
+@pytest.mark.parametrize(
+    "known", ["labels", pytest.param("force", marks=pytest.mark.slow), pytest.param("table", marks=pytest.mark.slow)]
+)
 def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path, known):
     """Loads come from labels, from force channels (which read nearly nothing for a while) or from the file itself."""
     for name, load in (("a1", 2.0), ("a2", 4.0), ("a[3]", 6.0), ("b1", 5.0)):

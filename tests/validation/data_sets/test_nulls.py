@@ -58,9 +58,9 @@ OTHER = ([3.0, 8.0, 12.0], [52.0, 52.5, 53.0], [4, 12, 7])
 @pytest.mark.parametrize(
     ("name", "signal", "options"),
     [
-        ("line per texel", follow_line, {}),
+        pytest.param("line per texel", follow_line, {}, marks=pytest.mark.slow),
         pytest.param("line per texel, saturating", follow_line, {"band": 1200.0}, marks=pytest.mark.slow),
-        ("quadratic per texel", follow_line, {}),
+        pytest.param("quadratic per texel", follow_line, {}, marks=pytest.mark.slow),
         ("mean pattern x load curve", follow_pattern, {}),
         ("heaviest image x load ratio, threshold added back", follow_ratio, {"band": 900.0}),
     ],

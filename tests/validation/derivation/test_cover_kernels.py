@@ -60,7 +60,7 @@ def test_kernels_of_texels_that_are_not_square_spread_alike_along_both_axes(deri
         pytest.param(0.0, 3.0, marks=pytest.mark.slow),
         pytest.param(0.49, 10.0, marks=pytest.mark.slow),
         pytest.param(0.0, 30.0, marks=pytest.mark.slow),
-        (0.499, 30.0),
+        pytest.param(0.499, 30.0, marks=pytest.mark.slow),
     ],
 )
 def test_a_cell_yields_under_its_own_pressure_as_its_parts_together(

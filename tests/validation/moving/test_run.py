@@ -345,7 +345,7 @@ def follow_with(bench, case):
         ),
         (Butterworth(cutoff_hz=35.0, order=3), 0.5, "order 3, 35 Hz, above 0.5 Hz, frames at 271 Hz"),
         pytest.param(None, 0.5, "above 0.5 Hz, frames at 271 Hz", marks=pytest.mark.slow),
-        (None, None, "frames at 271 Hz"),
+        pytest.param(None, None, "frames at 271 Hz", marks=pytest.mark.slow),
     ],
 )
 def test_rows_name_what_the_models_do_in_time(design, high, words):

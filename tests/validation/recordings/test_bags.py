@@ -311,11 +311,11 @@ PIXELS = [[0, 1, 513], [3, 4, 65535]]
 @pytest.mark.parametrize(
     ("encoding", "kind", "step", "big"),
     [
-        ("mono16", "<u2", 6, 0),
+        pytest.param("mono16", "<u2", 6, 0, marks=pytest.mark.slow),
         ("16UC1", ">u2", 6, 1),
-        ("mono16", "<u2", 8, 0),
-        ("mono8", "u1", 3, 0),
-        ("8UC1", "u1", 5, 1),
+        pytest.param("mono16", "<u2", 8, 0, marks=pytest.mark.slow),
+        pytest.param("mono8", "u1", 3, 0, marks=pytest.mark.slow),
+        pytest.param("8UC1", "u1", 5, 1, marks=pytest.mark.slow),
     ],
 )
 def test_images_are_read_in_both_orders_of_bytes_and_without_padding(tmp_path, encoding, kind, step, big):

@@ -43,7 +43,7 @@ def test_single_frames_raw_and_run_length_encoded(plug_in):
         assert sensor.read_frame().counts[0] == 1500
 
 
-@pytest.mark.parametrize("run_length", [False, True])
+@pytest.mark.parametrize("run_length", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_stream_is_complete_and_has_the_rate_of_the_device(plug_in, run_length):
     port = plug_in()
     with Sensor(port.name, timeout=_LONG) as sensor:
@@ -143,7 +143,10 @@ def test_a_port_that_stays_away_ends_the_stream(plug_in):
             list(stream)
 
 
-@pytest.mark.parametrize(("sent", "fault"), [(bytes(range(64)), "bytes came and none"), (b"", "nothing came back")])
+@pytest.mark.parametrize(
+    ("sent", "fault"),
+    [pytest.param(bytes(range(64)), "bytes came and none", marks=pytest.mark.slow), (b"", "nothing came back")],
+)
 def test_errors_distinguish_another_device_on_the_port_from_none(sent, fault):
     pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
     with answer_always(sent) as port, pytest.raises(NoAnswerError, match=fault):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from validation.weiss.stream import Continuity, DeviceClock
 
 
-@pytest.mark.parametrize("lost", [0.05, 0.2])
+@pytest.mark.parametrize("lost", [pytest.param(0.05, marks=pytest.mark.slow), 0.2])
 def test_many_frames_lost_from_the_start_are_not_taken_for_a_slow_stream(lost):
     missing = 0
     for seed in range(100):
@@ -106,7 +106,16 @@ def _find_errors(clock, taken, ticks, arrival):
     return errors - np.median(errors)
 
 
-@pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4, 3e-3, -3e-3])
+@pytest.mark.parametrize(
+    "drift",
+    [
+        pytest.param(0.0, marks=pytest.mark.slow),
+        pytest.param(1e-4, marks=pytest.mark.slow),
+        pytest.param(-1e-4, marks=pytest.mark.slow),
+        pytest.param(3e-3, marks=pytest.mark.slow),
+        -3e-3,
+    ],
+)
 def test_stamps_follow_the_device_within_two_milliseconds(drift):
     rng = np.random.default_rng(1)
     clock = DeviceClock()
