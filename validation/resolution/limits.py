@@ -81,6 +81,8 @@ class Limits(Result):
         texel: Index of the texel around or beside which the touches lie.
         prior: Where a touch may be: `around`, within a pitch around the texel; `between`, in the cell between the
             centre of the texel and those next along x and y.
+        tip_share: Share of the force that a texel under the tip measures, for which the line of counts was measured;
+            None if the line takes the force on a texel [-].
         ideal: Limits with noise alone, without electronics.
         counted: Limits of the counts.
         by_texel: Error of place per axis with known force, of touches within the pitch of each texel [m]; None for a
@@ -97,6 +99,7 @@ class Limits(Result):
     noise_assumed: bool
     texel: int
     prior: str = "around"
+    tip_share: float | None = None
     ideal: tuple[Limit, ...]
     counted: tuple[Limit, ...]
     by_texel: tuple[float | None, ...] = ()
@@ -111,6 +114,11 @@ class Limits(Result):
             f"For {shape} of {self.load:g} N {cell} texel {self.texel}, and noise of "
             f"{1e3 * self.noise:.3g} mN{assumed}."
         )
+        if self.tip_share:
+            yield (
+                f"The line of counts was measured under a tip. On this cover the texel under it measures "
+                f"{self.tip_share:.3g} of the force, so that with another cover the same line means other electronics."
+            )
         which: dict[str, dict[str, None]] = {}
         for each in self.counted:
             which.setdefault(each.counts, {})[each.name.split(",")[0].removesuffix(" x").removesuffix(" y")] = None
@@ -456,6 +464,7 @@ def find_limits(
         noise_assumed=assumed,
         texel=middle,
         prior=prior,
+        tip_share=counted.electronics.tip_share if counted.electronics else None,
         ideal=list_limits(replace(study, channel=ideal), separation),
         counted=list_limits(study, separation),
         by_texel=tuple(by_texel),
