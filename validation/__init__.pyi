@@ -18,4 +18,4 @@ from .calibration.touch_protocol import next_touches as next_touches
 from .moving.history import History as History
 from .resolution.verb import design as design, limits as limits, locate as locate
 from .results.report import read_report as read_report
-from .sweep.verb import sweep as sweep
+from .sweeps.verb import sweep as sweep

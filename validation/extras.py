@@ -13,7 +13,7 @@ _MODULES = {
     "device": ("serial", "mcap", "mcap_ros2", "rosbags"),
     "gym": ("gymnasium",),
     "view": ("pyvista",),
-    "sweep": ("distributed", "xarray"),
+    "sweep": ("dask", "distributed", "xarray"),
 }
 #: Extra of the package (`pip install -e '.[EXTRA]'` in a clone) that installs each optional module.
 EXTRAS = {module: extra for extra, modules in _MODULES.items() for module in modules}

@@ -43,8 +43,8 @@ def sweep(
         cluster: Compute on a running cluster: address or file of its scheduler.
         only_plan: State number and cost of the designs, and compute none.
     """
-    from validation.sweep import verb
-    from validation.sweep.page import tabulate
+    from validation.sweeps import verb
+    from validation.sweeps.page import tabulate
 
     options.check_range("--workers", workers, most=1024)
     with output.Progress() as progress:

@@ -9,8 +9,8 @@ import numpy as np
 
 from validation.render.figure import COLOURS, COLUMN, open_figure
 from validation.render.table import Cell, Table, number
-from validation.sweep.cube import Swept
-from validation.sweep.run import list_versions
+from validation.sweeps.cube import Swept
+from validation.sweeps.run import list_versions
 
 #: Largest numbers of maps of a page, and of iso-lines of a map [-].
 _MAPS, _LINES = 40, 9

@@ -22,7 +22,7 @@ from fem_reference.errors import ConvergenceError
 from validation.errors import InputError
 from validation.regression.baseline import PACKAGES
 from validation.sensor_file import SensorDescription
-from validation.sweep.measurements import Measurement, Quantity, Subject
+from validation.sweeps.measurements import Measurement, Quantity, Subject
 
 #: Results of the measurements of one design by their number; one without words did not fail.
 Found = dict[str, Any]

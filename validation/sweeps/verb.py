@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -15,10 +15,10 @@ from validation.extras import REPORT_MODULES, require
 from validation.output_folder import new_folder
 from validation.schema import read
 from validation.schema.sweep import SweepTables
-from validation.sweep.cube import Clause, Swept, read_wish
-from validation.sweep.designs import Design, list_designs
-from validation.sweep.measurements import Measurement, read_measurement
-from validation.sweep.run import Task, check_store, find_key, read_result, run_here
+from validation.sweeps.cube import Clause, Swept, read_wish
+from validation.sweeps.designs import Design, list_designs
+from validation.sweeps.measurements import Measurement, read_measurement
+from validation.sweeps.run import Task, check_store, find_key, read_result, run_here
 from validation.text.quantity import format_time
 
 
@@ -77,15 +77,17 @@ def sweep(
     if tasks and not only_plan:
         shown.step(0, len(tasks), "designs")
         if workers or cluster:
-            from validation.sweep.cluster import run_there
+            from validation.sweeps.cluster import run_there
 
             lost = run_there(tasks, finish, workers=workers, address=cluster)
         else:
             run_here(tasks, finish)
     found = plan.collect(lost)
+    if not only_plan and (absent := [number for number in tasks if not all(found.results[number])]):
+        found = replace(found, lost={**dict.fromkeys(absent, "its result is not in the store"), **lost})
     found.check_wish()
     if out is not None:
-        from validation.sweep.page import write_page
+        from validation.sweeps.page import write_page
 
         with new_folder(Path(out)) as folder:
             write_page(found, folder)

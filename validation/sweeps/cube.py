@@ -23,8 +23,8 @@ import numpy as np
 from meshes.array_types import BoolArray, FloatArray
 from validation.errors import InputError, check_choice
 from validation.schema.sweep import MOST_DESIGNS, SweepTables, write_value
-from validation.sweep.designs import Design, find_numbers
-from validation.sweep.run import Found, list_versions
+from validation.sweeps.designs import Design, find_numbers
+from validation.sweeps.run import Found, list_versions
 from validation.text.quantity import find_factor
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from validation.cli import main
 from validation.errors import InputError
 from validation.sensor_file import BUILT_IN, load, parse
 from validation.sensor_file.sensor import read_tables
-from validation.sweep import measurements, page
-from validation.sweep.cube import read_wish
-from validation.sweep.measurements import Quantity
+from validation.sweeps import measurements, page
+from validation.sweeps.cube import read_wish
+from validation.sweeps.measurements import Quantity
 
 THICKNESS, PITCH = "cover.layer[0].thickness", "array.pitch"
 
