@@ -41,6 +41,9 @@ tilt = "0deg,45deg"
 """
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _cells():
     with coarse_cells():
@@ -67,7 +70,6 @@ def result(bench, plan, cost):
     return run_campaign(bench, plan.cases, plan=cost)
 
 
-@pytest.mark.slow
 def test_a_stored_press_is_the_press(small_pad, plan, result):
     case = plan.cases[1]
     with stored_only():
@@ -150,7 +152,6 @@ def test_groups_and_range_are_those_of_the_cases(bench, plan, result):
     assert found.failed == ("interrupted: codes are not verified, inputs not propagated, stages not scored",)
 
 
-@pytest.mark.slow
 def test_coarse_meshes_of_the_shell_converge_to_its_closed_form_alike_at_every_thickness(monkeypatch):
     monkeypatch.setattr(evidence, "_SHELL_MESHES", ((1.5, 2), (1.2, 2)))
     rubber = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
@@ -161,7 +162,6 @@ def test_coarse_meshes_of_the_shell_converge_to_its_closed_form_alike_at_every_t
     assert thin.sizes == pytest.approx((1.0, 0.8))
 
 
-@pytest.mark.slow
 def test_the_shell_agrees_with_its_closed_form_and_a_stiffer_one_does_not(small_pad, monkeypatch):
     material = small_pad.cover.layers[0].material
     check = check_shell(material, 2e-3)

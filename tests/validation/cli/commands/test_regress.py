@@ -123,6 +123,7 @@ def test_what_cannot_be_measured_any_more_is_red_and_says_why(stored, regress, p
     assert "not measured: characteristic: " in err
 
 
+@pytest.mark.slow
 def test_a_baseline_of_another_sensor_is_neither_compared_nor_replaced(stored, regress, parameters, tmp_path):
     path = tmp_path / "baseline.json"
     before = path.read_bytes()
