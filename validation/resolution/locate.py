@@ -7,6 +7,7 @@ import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -29,6 +30,9 @@ _REST, _NEGATIVE = 4.0, 6.0
 _LIT = 3
 #: Force on a texel over the standard deviation of its noise, below which it is left out [-].
 _LEFT_OUT = 0.5
+#: Share of the largest response around a texel from which a lit texel belongs to a touch there, and rounds in which
+#: several touches are found in turn [-].
+_REACHED, _SWEEPS = 0.02, 3
 #: Largest deviation of lit texels from the touches, over their forces, of a frame that is explained [-].
 _EXPLAINED = 0.1
 #: Chance of a misfit, or of a further touch by noise alone, that is taken for real [-].
@@ -67,12 +71,14 @@ class LocatedTouch(Result):
     Attributes:
         x, y, z: Place on the cover, in the array's frame [m].
         force: Force [N].
+        radius: Radius; None if it is given [m].
     """
 
     x: Estimate
     y: Estimate
     z: Estimate
     force: Estimate
+    radius: Estimate | None = None
 
 
 @result_model
@@ -82,14 +88,12 @@ class LocatedFrame(Result):
     Attributes:
         time: Time of the frame [s].
         touches: The touches; empty if none is found.
-        radius: Radius of the touches; None if it is given, or no touch is found [m].
         unexplained: Deviation of lit texels from the touches, over their forces, root mean square [-].
         words: What limits the result; empty if nothing does.
     """
 
     time: float
     touches: tuple[LocatedTouch, ...] = ()
-    radius: Estimate | None = None
     unexplained: float = 0.0
     words: tuple[str, ...] = ()
 
@@ -128,7 +132,7 @@ class Located(Result):
         rows: list[list[str | float]] = []
         for number, frame in enumerate(self.frames):
             for place, touch in enumerate(frame.touches or (None,)):
-                values = [] if touch is None else [touch.x, touch.y, touch.z, touch.force, frame.radius]
+                values = [] if touch is None else [touch.x, touch.y, touch.z, touch.force, touch.radius]
                 parts = [[e.value, e.low, e.high] if e else [""] * 3 for e in values] or [[""] * 3] * 5
                 told = [*(each for part in parts for each in part), frame.unexplained]
                 rows.append([number, frame.time, "" if touch is None else place, *told, "; ".join(frame.words)])
@@ -143,6 +147,19 @@ class Located(Result):
         text, (head, rows) = io.StringIO(), self.table()
         csv.writer(text, lineterminator="\n").writerows([head, *rows])
         atomic_file.replace(path, [text.getvalue().encode()])
+
+
+class Part(NamedTuple):
+    """One touch of a frame: its chart, search and posterior, and its force on each active texel, shape (n,) [N]."""
+
+    chart: Chart
+    search: Search
+    found: Posterior
+    explained: FloatArray
+
+
+def _sum_forces(parts: list[Part]) -> FloatArray:
+    return np.asarray(np.sum([part.explained for part in parts], axis=0))
 
 
 @dataclass(kw_only=True, eq=False)
@@ -187,70 +204,83 @@ class Locator:
             return LocatedFrame(time=time, words=("negative forces",))
         if level.max() < max(_REST * self.channel.spread, 0.0):
             return LocatedFrame(time=time, words=("at rest",))
-        search = self._search(reading, level, (int(np.argmax(level)),))
-        found = search.sample()
+        parts = self._fit(reading, level, [int(np.argmax(level))])
         words: tuple[str, ...] = ()
-        for _ in range(1, count):
-            more = self._add_touch(search, found, reading, level)
-            if more is None:
+        while len(parts) < count:
+            noise = _REST * self.channel.spread
+            rest = np.where(level > noise, level - _sum_forces(parts), 0.0)
+            texels = [*(part.chart.texel for part in parts), int(np.argmax(rest))]
+            more = self._fit(reading, level, texels) if rest.max() > noise else parts
+            if more is parts or not self._is_better(reading, more, parts):
                 words = (f"{count} touches are not told apart",)
                 break
-            search, found = more
-        return self._describe(search, found, time, words)
+            parts = more
+        return self._describe(reading, level, parts, time, words)
 
-    def _search(self, reading: Reading, level: FloatArray, texels: tuple[int, ...]) -> Search:
-        charts = tuple(self.chart(each) for each in texels)
-        total, top = level[level > _REST * self.channel.spread].sum(), float(self.channel.edges[-2].max())
+    def _fit(self, reading: Reading, level: FloatArray, texels: list[int]) -> list[Part]:
+        """Find touches around some texels, each in turn with the force of the others taken off."""
+        parts: dict[int, Part] = {}
+        for _ in range(_SWEEPS if len(texels) > 1 else 1):
+            for number, texel in enumerate(texels):
+                others = sum((part.explained for each, part in parts.items() if each != number), np.zeros(len(level)))
+                search = self._search(reading, level - others, self.chart(texel), others)
+                found = search.sample()
+                explained = np.zeros(len(level))
+                explained[search.seen] = found.explained
+                parts[number] = Part(search.charts[0], search, found, explained)
+        return list(parts.values())
+
+    def _search(self, reading: Reading, level: FloatArray, chart: Chart, others: FloatArray) -> Search:
+        top, reached = float(self.channel.edges[-2].max()), chart.columns >= 0
         most = np.zeros(len(level))
-        for chart in charts:
-            reached = chart.columns >= 0
-            most[reached] = np.maximum(most[reached], chart.peaks[chart.columns[reached]])
-        own = max(chart.peaks.max() for chart in charts)
+        most[reached] = chart.peaks[chart.columns[reached]]
+        lit = level > _REST * self.channel.spread
+        total = float(level[lit & (most > _REACHED * most.max())].sum())
         least = np.maximum(_LEFT_OUT * self.channel.noise, self.channel.edges[1] - _REST * self.channel.noise)
         measured = np.isfinite(reading.low[0]) | np.isfinite(reading.high[0])
-        seen = np.flatnonzero(measured & ((total * most > least) | (level > _REST * self.channel.spread)))
-        limit = _OVER_SATURATION * top / own if np.isfinite(top) else _OVER_SUM * total
-        return Search(charts=charts, channel=self.channel, reading=reading, seen=seen, most=max(limit, 2 * total))
+        seen = np.flatnonzero(measured & ((total * most > least) | (lit & (most > _REACHED * most.max()))))
+        limit = _OVER_SATURATION * top / most.max() if np.isfinite(top) else _OVER_SUM * total
+        return Search(
+            charts=(chart,),
+            channel=self.channel,
+            reading=reading,
+            seen=seen,
+            most=max(limit, 2 * total, self.channel.noise),
+            others=others,
+        )
 
-    def _add_touch(
-        self, search: Search, found: Posterior, reading: Reading, level: FloatArray
-    ) -> tuple[Search, Posterior] | None:
-        """Add a touch where the frame is explained least; None if it explains no more than noise would."""
-        rest = level.copy()
-        rest[search.seen] -= found.explained
-        if rest.max() < _REST * self.channel.spread:
-            return None
-        texels = (*(chart.texel for chart in search.charts), int(np.argmax(rest)))
-        more = self._search(reading, level, texels)
-        better = more.sample()
-        scale = max(1.0, better.misfit / max(more.free, 1))
-        if 2 * (better.likely - found.likely) < scale * chi2.isf(_CHANCE, 3):
-            return None
-        return more, better
+    def _is_better(self, reading: Reading, more: list[Part], parts: list[Part]) -> bool:
+        """Return whether further touches explain a frame better than noise and the misfit would let expect."""
+        seen = np.unique(np.concatenate([part.search.seen for part in (*more, *parts)]))
+        forces = np.array([_sum_forces(each)[seen] for each in (more, parts)])
+        better, worse = self.channel.log_likelihood(reading, forces, seen)[0]
+        scale = max(1.0, *(part.found.misfit / max(part.search.free, 1) for part in more))
+        return bool(2 * (better - worse) > scale * chi2.isf(_CHANCE, more[0].search.size))
 
-    def _describe(self, search: Search, found: Posterior, time: float, words: tuple[str, ...]) -> LocatedFrame:
+    def _describe(
+        self, reading: Reading, level: FloatArray, parts: list[Part], time: float, words: tuple[str, ...]
+    ) -> LocatedFrame:
         touches = []
-        for number, chart in enumerate(search.charts):
-            points = self.touches.origins[chart.texel] + found.places[:, number] @ self.touches.axes[chart.texel]
-            mean, _, low, high = found.summarise(np.column_stack([points, found.forces[:, number]]))
+        for chart, _, found, _ in parts:
+            points = self.touches.origins[chart.texel] + found.places[:, 0] @ self.touches.axes[chart.texel]
+            mean, _, low, high = found.summarise(np.column_stack([points, found.forces[:, 0], found.radii[:, 0]]))
             lift = self.touches.project(mean[None, :3])[0] - mean[:3]
             mean[:3], low[:3], high[:3] = mean[:3] + lift, low[:3] + lift, high[:3] + lift
-            values = [Estimate(value=v, low=a, high=b) for v, a, b in zip(mean, low, high, strict=True)]
-            touches.append(LocatedTouch(x=values[0], y=values[1], z=values[2], force=values[3]))
-        radius = None
-        if self.radii[0] < self.radii[1]:
-            mean, _, low, high = found.summarise(found.radii[:, None])
-            radius = Estimate(value=mean[0], low=low[0], high=high[0])
-        lit = search.lit
-        told = search.level[lit]
-        share = float(np.sqrt(((found.explained[lit] - told) ** 2).sum() / max((told**2).sum(), 1e-300)))
-        if search.free > 0 and share > _EXPLAINED and found.misfit > chi2.isf(_CHANCE, search.free):
+            x, y, z, force, wide = (Estimate(value=v, low=a, high=b) for v, a, b in zip(mean, low, high, strict=True))
+            radius = wide if self.radii[0] < self.radii[1] else None
+            touches.append(LocatedTouch(x=x, y=y, z=z, force=force, radius=radius))
+        full, tells = np.isposinf(reading.high[0]), np.isfinite(reading.low[0])
+        lit = tells & ~full & (level > _REST * self.channel.spread)
+        apart = (_sum_forces(parts) - level)[lit]
+        share = float(np.linalg.norm(apart) / max(float(np.linalg.norm(level[lit])), 1e-300))
+        free = int(lit.sum()) - sum(part.search.size for part in parts)
+        if free > 0 and share > _EXPLAINED and ((apart / self.channel.spread) ** 2).sum() > chi2.isf(_CHANCE, free):
             words = (*words, f"not explained by {len(touches)} touch{'es' if len(touches) > 1 else ''}")
-        if full := int((np.isposinf(search.reading.high) & np.isfinite(search.reading.low)).sum()):
-            words = (*words, f"{full} texel{'s' if full > 1 else ''} saturated")
-        if lit.sum() < _LIT:
-            words = (*words, f"{lit.sum()} texel{'s' if lit.sum() != 1 else ''} lit")
-        return LocatedFrame(time=time, touches=tuple(touches), radius=radius, unexplained=share, words=words)
+        saturated, told = int((full & tells).sum()), int(lit.sum())
+        for count, word, said in ((saturated, "saturated", saturated > 0), (told, "lit", told < _LIT)):
+            if said:
+                words = (*words, f"{count} texel{'s' if count != 1 else ''} {word}")
+        return LocatedFrame(time=time, touches=tuple(touches), unexplained=share, words=words)
 
 
 def make_locator(

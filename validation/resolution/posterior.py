@@ -1,6 +1,6 @@
-"""The posterior of touches given one frame: places, forces and a common radius, as drawn points with weights.
+"""The posterior of touches given one frame: places, forces and radii, as drawn points with weights.
 
-The prior is uniform over a box around a texel for each touch, over the radius, and over the force.  Places and radius
+The prior is uniform over a box around a texel for each touch, over its radius, and over its force.  Places and radii
 are sampled as normal numbers z, whose distribution function spans the box.  The forces, in which the frame is linear,
 are drawn around their weighted least squares.  Points are drawn from a t-distribution at the most likely touch; where
 it does not fit, from clusters that follow a likelihood raised to a growing power, from the prior on (Neal, Annealed
@@ -21,8 +21,8 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 from validation.resolution.channel import Channel, Reading
 from validation.resolution.chart import Chart
 
-#: Points as powers of two: of the first look, of a round, and of the result; largest number of rounds [-].
-_LOOKED, _DRAWN, _LAST, _ROUNDS = 7, 8, 9, 16
+#: Points as powers of two: of the first look and its most, of a round, and of the result; largest number of rounds [-].
+_LOOKED, _MOST_LOOKED, _DRAWN, _LAST, _ROUNDS = 7, 10, 8, 9, 16
 #: Share of points that count when the likelihood is raised, and when the proposal has settled [-].
 _RAISED, _SETTLED, _POOR = 0.15, 0.25, 0.03
 #: Degrees of freedom of proposals, their widening, and number of clusters [-].
@@ -44,7 +44,7 @@ class Posterior(NamedTuple):
 
     Attributes:
         places: Place of each touch from the point above the texel of its chart, shape (m, N, 2) [m].
-        radii: Radius of the touches, shape (m,) [m].
+        radii: Radius of each touch, shape (m, N) [m].
         forces: Forces, shape (m, N) [N].
         weights: Weights, whose sum is one, shape (m,) [-].
         misfit: Sum of squared deviations of lit texels from the most likely touch, over their variance [-].
@@ -133,6 +133,7 @@ class Search:
         reading: Reading of all texels, shape (1, n) [N].
         seen: Indices of the s texels that count.
         most: Largest force of a touch [N].
+        others: Force of other touches on each texel, shape (n,) [N].
         known: Force of each touch if it is known [N].
     """
 
@@ -141,14 +142,17 @@ class Search:
     reading: Reading
     seen: IntArray
     most: float
+    others: FloatArray
     known: float | None = None
 
     @cached_property
     def ends(self) -> FloatArray:
-        """Least and largest places of all touches, and radius unless it is known, shape (2, d) [m]."""
+        """Least and largest places of all touches, and their radii unless they are known, shape (2, d) [m]."""
         ends = [np.concatenate([getattr(chart, end) for chart in self.charts]) for end in ("low", "high")]
-        radii = self.charts[0].radii
-        return np.array(ends if len(radii) == 1 else [np.append(ends[0], radii[0]), np.append(ends[1], radii[-1])])
+        radii, several = self.charts[0].radii, len(self.charts)
+        if len(radii) == 1:
+            return np.array(ends)
+        return np.array([np.append(ends[0], [radii[0]] * several), np.append(ends[1], [radii[-1]] * several)])
 
     def sample(self, power: float | None = None) -> Posterior:
         """Draw points of the posterior.
@@ -190,9 +194,14 @@ class Search:
         return self._targets[0]
 
     @property
+    def size(self) -> int:
+        """Number of parameters [-]."""
+        return int(self.ends.shape[1]) + self.rows * len(self.charts)
+
+    @property
     def free(self) -> int:
         """Number of lit texels less that of the parameters [-]."""
-        return int(self.lit.sum() - self.ends.shape[1] - self.rows * len(self.charts))
+        return int(self.lit.sum()) - self.size
 
     def _adapt(self, power: float) -> Proposal:
         """Follow the likelihood from the prior on."""
@@ -235,7 +244,7 @@ class Search:
     def _settle(self) -> tuple[FloatArray, FloatArray]:
         """Find the most likely touch by Newton's method of least squares, and a root of the covariance there."""
         size = self.ends.shape[1]
-        z = _draw(size, _LOOKED + size - 2).normal
+        z = _draw(size, min(_LOOKED + size - 2, _MOST_LOOKED)).normal
         best = z[np.argmax(self._judge(self._fit(z)) - (z**2).sum(axis=1) / 2)]
         aside = _ASIDE * np.eye(size)
         reached, last, step = -np.inf, best, np.zeros(size)
@@ -264,8 +273,9 @@ class Search:
         values = self.ends[0] + (self.ends[1] - self.ends[0]) * ndtr(z)
         several = len(self.charts)
         places = values[:, : 2 * several].reshape(-1, several, 2)
-        radii = values[:, -1] if values.shape[1] > 2 * several else np.full(len(values), self.charts[0].radii[0])
-        shares = np.concatenate([c.at(places[:, k], radii, self.seen) for k, c in enumerate(self.charts)], axis=1)
+        known = np.broadcast_to(self.charts[0].radii[0], places.shape[:2])
+        radii = values[:, 2 * several :] if self.rows > 1 else known
+        shares = np.concatenate([c.at(places[:, k], radii[:, k], self.seen) for k, c in enumerate(self.charts)], axis=1)
         target, weight, beyond = self._targets
         lit, size = weight > 0, shares.shape[1]
         wrong = np.zeros((len(z), len(lit)), dtype=bool)
@@ -295,7 +305,7 @@ class Search:
     def _judge(self, fit: Fit) -> FloatArray:
         """Compute the logarithm of the likelihood of the frame, shape (m,)."""
         forces = (fit.linear[:, None] @ fit.shares)[:, 0]
-        return np.asarray(self.channel.log_likelihood(self.reading, forces, self.seen)[0])
+        return np.asarray(self.channel.log_likelihood(self.reading, forces + self.others[self.seen], self.seen)[0])
 
     @cached_property
     def _targets(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -306,7 +316,7 @@ class Search:
         low, high = (each[0, self.seen] for each in self.reading)
         inner, full = np.isfinite(high - low), np.isposinf(high)
         width = np.where(inner, high - low, 0.0)
-        target = np.where(full, low, high) - width / 2
+        target = np.where(full, low, high) - width / 2 - self.others[self.seen]
         return target, np.where(inner, 1 / (self.channel.noise**2 + width**2 / 12), 0.0), np.where(full, -1.0, 1.0)
 
 

@@ -65,10 +65,10 @@ def _print(found: Located) -> None:
     rows = []
     for frame in found.frames:
         for touch in frame.touches or (None,):
-            x, y, z, force = (touch.x, touch.y, touch.z, touch.force) if touch else (None,) * 4
+            x, y, z, force, radius = (touch.x, touch.y, touch.z, touch.force, touch.radius) if touch else (None,) * 5
             places = [_show(each, 1e3) for each in ((x, y) if flat else (x, y, z))]
             words = "; ".join(frame.words)
-            rows.append([f"{frame.time:.2f}", *places, _show(force, 1.0), _show(frame.radius, 1e3), words])
+            rows.append([f"{frame.time:.2f}", *places, _show(force, 1.0), _show(radius, 1e3), words])
     head = ("time [s]", "x [mm]", "y [mm]", *(() if flat else ("z [mm]",)), "force [N]", "radius [mm]", "")
     output.print_table(head, rows[:_ROWS], title=f"Touches of {found.sensor}", lines=False)
     if len(rows) > _ROWS:
