@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import math
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from fastmodel import Parameters
 from fastmodel.signal.electronics import Electronics, describe_calibration
 from fastmodel.signal.point_spread import Gaussian
+from meshes import Cover
 from meshes.array_types import FloatArray
 from validation.derivation.base import describe_provenance
 from validation.places import find_middle
@@ -30,6 +32,8 @@ NO_RANGE = "assumed: the characteristic is unpublished"
 _STEPS = 200_001
 #: Largest force up to which the saturation of the characteristic is searched [N].
 _LARGEST_FORCE = 1e6
+#: Force of a touch whose place is told [N].
+_LOAD = 1.0
 #: Full width of a Gaussian at half of its maximum, over its standard deviation: sqrt(8 ln 2) [-].
 _WIDTH_AT_HALF = 2.3548200450309493
 
@@ -147,6 +151,7 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
         *_list_size(parameters, sensor),
         *_list_force(parameters, source),
         *_list_space(parameters),
+        *_list_limits(parameters, sensor),
         *_list_time(parameters, source),
         *_list_errors(parameters, source),
     )
@@ -245,6 +250,43 @@ def _list_space(parameters: Parameters) -> Iterator[Entry]:
         "full width at half maximum, 2.355 sigma, of the Gaussian that spreads the force on a texel",
         str(parameters.provenance.get("estimator", NOT_STATED)),
         {"spread_width_m": wide, "spread_sigma_pitches": sigma},
+    )
+
+
+def _list_limits(parameters: Parameters, sensor: SensorDescription | None) -> Iterator[Entry]:
+    """List what the sensor can tell of touches, where the response of its cover takes no finite elements."""
+    error, over, aside = None, math.nan, math.nan
+    text = f"{NOT_STATED}: `softcover limits` computes it by finite elements"
+    noise = "noise and electronics as stated"
+    if sensor is not None and isinstance(sensor.cover, Cover) and sensor.cover.size is None:
+        from validation.resolution.channel import make_channel
+        from validation.resolution.limits import Study, find_place_error
+        from validation.resolution.touches import find_touches
+
+        channel, assumed = make_channel(parameters.electronics, None, sensor.array.active)
+        middle = int(np.searchsorted(np.flatnonzero(sensor.array.active), find_middle(sensor.array)))
+        study = Study(touches=find_touches(sensor.cover, sensor), channel=channel, texel=middle, load=_LOAD)
+        noise = f"noise of {1e3 * channel.noise:.3g} mN{' (one count, as none is stated)' if assumed else ''}"
+        error = find_place_error(study)
+        over, aside = (channel.find_least_force(each) for each in study.respond(np.outer([0, 0.5], study.pitch)))
+        text = f"{1e6 * error:.3g} um"
+    elif sensor is None:
+        text = f"{NOT_STATED}: the cover is not known"
+    yield _make_entry(
+        "error of place",
+        text,
+        f"standard deviation per axis of the place of a touch of {_LOAD:g} N around the middle texel, known force",
+        f"exact response of the cover, {noise} (`softcover limits`)",
+        {"place_error_m": error},
+    )
+    yield _make_entry(
+        "least force",
+        text
+        if over is None or aside is None
+        else f"{1e3 * over:.3g} mN over a texel, {1e3 * aside:.3g} mN between four",
+        "90 % of point touches are detected, with 0.1 % of false alarms",
+        f"exact response of the cover, {noise} (`softcover limits`)",
+        {"least_force_N": None if error is None else [over, aside]},
     )
 
 

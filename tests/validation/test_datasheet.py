@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fastmodel
+import validation
 from fastmodel import Butterworth, Electronics
 from validation.data_sheet import find_nonlinearity, make_datasheet
 from validation.sensor_file import BUILT_IN
@@ -22,6 +23,23 @@ NAMES = {"size", "sensitivity", "range", "spatial_resolution", "bandwidth", "acc
 def change(**electronics):
     parameters = fastmodel.load("wts-0614-34")
     return dataclasses.replace(parameters, electronics=dataclasses.replace(parameters.electronics, **electronics))
+
+
+def test_what_a_sensor_can_tell_is_that_of_its_limits():
+    found = sheet(fastmodel.load("wts-0614-34"), BUILT_IN["wts-0614-34"])
+    limits = {each.name: each.value for each in validation.limits("wts-0614-34").counted}
+    over, aside = found["least_force"]["least_force_N"]
+    assert over == pytest.approx(limits["least force, over the texel"], rel=1e-6)
+    assert aside == pytest.approx(limits["least force, worst place"], rel=1e-6)
+    assert found["error_of_place"]["place_error_m"] == pytest.approx(limits["place x, force known"], rel=0.1)
+
+
+def test_what_needs_finite_elements_or_a_cover_is_not_computed():
+    parameters = fastmodel.load("wts-0614-34")
+    for sensor, words in ((None, "the cover is not known"), (validation.load("fingertip"), "by finite elements")):
+        found = sheet(parameters, sensor)
+        assert words in found["least_force"]["text"]
+        assert found["error_of_place"]["text"].startswith("not stated")
 
 
 def sheet(parameters, sensor=None):
