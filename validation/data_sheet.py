@@ -281,9 +281,7 @@ def _list_limits(parameters: Parameters, sensor: SensorDescription | None) -> It
     )
     yield _make_entry(
         "least force",
-        text
-        if over is None or aside is None
-        else f"{1e3 * over:.3g} mN over a texel, {1e3 * aside:.3g} mN between four",
+        text if error is None else f"{1e3 * over:.3g} mN over a texel, {1e3 * aside:.3g} mN between four",
         "90 % of point touches are detected, with 0.1 % of false alarms",
         f"exact response of the cover, {noise} (`softcover limits`)",
         {"least_force_N": None if error is None else [over, aside]},
