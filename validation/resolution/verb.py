@@ -15,7 +15,7 @@ from validation.extras import REPORT_MODULES, require
 from validation.output_folder import check_writable, optional_folder
 from validation.sensor_file import SensorDescription
 from validation.text.hardness import read_hardness
-from validation.text.quantity import Kind, format_time, read_quantity
+from validation.text.quantity import format_time, read_positive, read_quantity
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -122,9 +122,9 @@ def locate(
     description, faults, far = describe(sensor), Faults(), _FARTHEST * min(describe(sensor).array.pitch)
     if not 1 <= touches <= _MOST_TOUCHES:
         faults.append(f"--touches: accepted: 1..{_MOST_TOUCHES}, not {touches}")
-    level = noise and faults.read(_read, noise, "force", _HEAVIEST, place="--noise")
+    level = noise and faults.read(read_positive, noise, "force", _HEAVIEST, place="--noise")
     ends = tuple(
-        faults.read(_read, each, "length", far, place="--radius", zero=True)
+        faults.read(read_positive, each, "length", far, place="--radius", zero=True)
         for each in (radius.split(":", 1) if radius else ())
     )
     faults.refuse()
@@ -173,26 +173,16 @@ def _read_options(
     """
     faults, far = Faults(), _FARTHEST * min(sensor.array.pitch)
     found = {
-        "load": faults.read(_read, load, "force", _HEAVIEST, place="--load"),
-        "radius": faults.read(_read, radius, "length", far, place="--radius", zero=True),
-        "noise": noise and faults.read(_read, noise, "force", _HEAVIEST, place="--noise"),
-        "separation": two and faults.read(_read, two, "length", far, place="--two"),
+        "load": faults.read(read_positive, load, "force", _HEAVIEST, place="--load"),
+        "radius": faults.read(read_positive, radius, "length", far, place="--radius", zero=True),
+        "noise": noise and faults.read(read_positive, noise, "force", _HEAVIEST, place="--noise"),
+        "separation": two and faults.read(read_positive, two, "length", far, place="--two"),
         "thicknesses": thicknesses
         and faults.read(_read_lengths, thicknesses, place="--thicknesses", example="1mm:6mm"),
     }
     faults.refuse()
     span = found["thicknesses"]
     return found | {"thicknesses": span.values() if isinstance(span, _Span) else ()}
-
-
-def _read(text: str, kind: Kind, most: float, *, place: str, zero: bool = False) -> float:
-    number = read_quantity(text, kind, place=place)
-    if number < 0 or (number == 0 and not zero):
-        raise InputError(f"{place}: must {'not be negative' if zero else 'be positive'}, not {text!r}")
-    if number > most:
-        unit = {"force": "N", "length": "m"}[kind]
-        raise InputError(f"{place}: must be at most {most:g} {unit}, not {text!r}")
-    return number
 
 
 class _Span(NamedTuple):
@@ -345,10 +335,10 @@ def _read_design(
     thick = faults.read(_read_lengths, thickness, place="--thickness", example="1mm:5mm", single=True)
     wide = faults.read(_read_lengths, pitch, place="--pitch", example="2mm:5mm", single=True) if pitch else None
     found = {
-        "load": faults.read(_read, load, "force", _HEAVIEST, place="--load"),
-        "noise": noise and faults.read(_read, noise, "force", _HEAVIEST, place="--noise"),
-        "radius": faults.read(_read, radius, "length", far, place="--radius", zero=True) if radius else 0.0,
-        "ball": ball and faults.read(_read, ball, "length", far, place="--ball"),
+        "load": faults.read(read_positive, load, "force", _HEAVIEST, place="--load"),
+        "noise": noise and faults.read(read_positive, noise, "force", _HEAVIEST, place="--noise"),
+        "radius": faults.read(read_positive, radius, "length", far, place="--radius", zero=True) if radius else 0.0,
+        "ball": ball and faults.read(read_positive, ball, "length", far, place="--ball"),
     }
     faults.refuse()
     counts = [each.steps if each else 1 for each in (thick, soft and soft[0], wide)]
