@@ -1,12 +1,17 @@
-"""The experiment on touches: limits of the built-in sensor, and touches located in fixed frames of it."""
+"""The experiment on touches: limits of the built-in sensor, located and planned touches, and a design."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 import fastmodel
+from meshes import Cover, Layer, Material, TexelArray
+from validation.calibration.next_touches import Covers, Errors, Plan
 from validation.regression.reading import Readings, Subject, read
 from validation.resolution.channel import Channel, make_channel
+from validation.resolution.design import find_designs
 from validation.resolution.limits import Study, find_place_error
 from validation.resolution.locate import Locator
 from validation.resolution.touches import find_touches
@@ -40,4 +45,25 @@ def measure_touches(subject: Subject) -> Readings:  # noqa: ARG001 -- the experi
         "least force": read(least, "mN", "1 % of each"),
         "located touch from the true one": read(told, "mm", 0.02),
         "interval of x and y": read(widths, "mm", "10 % of each"),
+        **_measure_plans(counted),
+    }
+
+
+def _measure_plans(channel: Channel) -> Readings:
+    """Compute what planned touches settle on a small array, and the numbers of one design under a ball."""
+    sensor = BUILT_IN[_SENSOR]
+    small = replace(sensor, array=TexelArray.grid(3, 3, sensor.array.pitch, texel_size=sensor.array.texel_size))
+    errors = Errors(place=1e-4, shift=2e-4, force=0.01)
+    plan = Plan(Covers(small), channel, errors, load=_LOAD, radius=1e-3, wanted=("gains", "thickness", "poisson"))
+    after = plan.add(plan.prior, plan.roots[plan.choose(plan.prior, 12)])
+    settled = {each.name: each.after for each in plan.expect(plan.prior, after) if each.name != "shift"}
+    rubber = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
+    cover = Cover(layers=(Layer(thickness=2e-3, material=rubber),))
+    (found,) = find_designs(
+        sensor, cover, load=_LOAD, thicknesses=(3e-3,), pitches=(2.5e-3,), noise=_NOISE, radius=None
+    ).designs
+    numbers = {name: value for name, value in found.numbers.items() if value is not None and name != "error_m"}
+    return {
+        "interval of planned gains and cover": read(settled, "1", "3 % of each"),
+        "numbers of a design": read(numbers, "SI", "1 % of each"),
     }

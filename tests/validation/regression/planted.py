@@ -31,6 +31,7 @@ from fem_reference.indentation import press
 from fem_reference.indentation.relaxing import ElasticCurve, _Follower
 from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
 from meshes.relaxation import Relaxation
+from validation.calibration import next_touches
 from validation.campaign import evaluation
 from validation.moving import run
 from validation.published.in_time import recursion
@@ -39,6 +40,7 @@ from validation.regression import experiments as fixed_images
 from validation.regression.baseline import make_baseline
 from validation.regression.quantities import EXPERIMENTS, measure
 from validation.regression.reading import Subject
+from validation.resolution import design
 from validation.resolution.channel import Channel
 from validation.resolution.posterior import Posterior
 from validation.text import indenter
@@ -294,6 +296,8 @@ NEIGHBOURS = {
 IN_TIME = {
     "noise told 5 % smaller": (edit(Channel, "information", "self.noise**-2", "1.1 * self.noise**-2"), "touches: bound of x and y"),
     "intervals 20 % narrower": (edit(Posterior, "summarise", "[0.025, 0.975]", "[0.06, 0.94]"), "touches: interval of x and y"),
+    "errors of places neglected": (edit(next_touches, "inform", "errors.place * slopes", "0 * slopes"), "touches: interval of planned gains and cover"),
+    "pitch of a design 2 % larger": (edit(design, "_scale_array", "pitch / min", "1.02 * pitch / min"), "touches: numbers of a design"),
     "creep 5 % too small": (edit(Creep, "step", "self.weight * xp", "0.95 * self.weight * xp"), "in time: creep of a held load"),
     "a filter that is computed more rarely": (slow_down, "in time: step through published filters, after 6 and 20 ms"),
     "misplaced force halved": (scale_result(run, "measure_misplaced", 0.5), "in time: scores of a moving case"),
