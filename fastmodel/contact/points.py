@@ -44,6 +44,8 @@ class ChartSettings:
     across: tuple[int, int, int] = (14, 12, 24)
     #: Width of the cells over that of the contact, and cells added to it [-].
     wider: tuple[float, int] = (1.25, 4)
+    #: Difference of gaps and distances over the thickness below which they are equal [-].
+    equal: float = 1e-6
     #: Gap above the smallest up to which cells are solved, over the approach [-].
     reach: float = 1.5
     #: Largest ratio of the edges of a cell [-].
@@ -232,7 +234,8 @@ def _move(body: PosedBody, outward: FloatArray, travel: float) -> PosedBody:
 def _find_first_point(cover: CoverPoints, body: PosedBody, outward: FloatArray) -> tuple[int | None, FloatArray]:
     """Find the point of the cover that a body reaches first.
 
-    A body that lies between the points reaches the one next to the path of its middle first.
+    Of points that it reaches at the same time, as under a flat face, and of all points for a body that lies between
+    them, it is the one next to the path of its middle, so that rounding does not choose.
 
     Returns:
         Index of the point, None for a body that lies beside the cover; and where the path of the middle of a body
@@ -241,11 +244,12 @@ def _find_first_point(cover: CoverPoints, body: PosedBody, outward: FloatArray) 
     rate = cover.normals @ outward
     gap = body.measure_gaps(cover.points, cover.normals, behind=cover.thickness)
     gap = np.where(rate > 0, gap / np.maximum(rate, _SETTINGS.least_cosine), np.inf)
-    if np.isfinite(gap).any():
-        return int(gap.argmin()), np.zeros(3)
+    equal = _SETTINGS.equal * cover.thickness
     away = body.centres.mean(axis=0) - cover.points
     away -= np.outer(away @ outward, outward)
-    beside = np.where(rate > 0, np.linalg.norm(away, axis=1), np.inf)
+    beside = np.where(rate > 0, np.round(np.linalg.norm(away, axis=1) / equal) * equal, np.inf)
+    if np.isfinite(gap).any():
+        return int(np.where(gap <= gap.min() + equal, beside, np.inf).argmin()), np.zeros(3)
     nearest = int(beside.argmin())
     return (nearest if beside[nearest] <= 2 * cover.spacing else None), away[nearest]
 

@@ -67,6 +67,20 @@ def test_a_bench_test_equals_the_press_without_simulation(parameters):
     np.testing.assert_allclose(found.texel_forces, known.texel_forces, atol=1e-3 * LOAD)
 
 
+def test_rounding_does_not_choose_where_a_flat_face_is_solved():
+    """A face reaches all points of a plane at once; heights that differ by rounding must not move its cells."""
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-6e-3, 6e-3, 17)] * 2))
+    up = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    box, pose = meshes.Box(size=(5e-3, 7e-3, 3e-3)), Pose.facing([0.31e-3, -0.47e-3, 0.1], [0, 0, -1])
+    found = []
+    for seed in range(4):
+        heights = seed * 1e-15 * np.random.default_rng(seed).standard_normal(len(x))
+        points = np.stack([x, y, heights], axis=1)
+        found.append(press_points(make_half_space(points, up), box, pose, load=LOAD).texel_forces)
+    assert found[0].sum() == pytest.approx(0.8 * LOAD, rel=1e-3)
+    np.testing.assert_allclose(found, np.tile(found[0], (4, 1)), atol=1e-9)
+
+
 def test_a_press_along_a_direction_is_the_same_verb(parameters):
     direction = np.array([-0.25, 0.1, -1.0])
     pose = Pose.facing(-20e-3 * direction, direction)
