@@ -42,6 +42,7 @@ def run(command: str, folder: Path) -> subprocess.Popen[bytes]:
     code = "from validation.cli import main; main()"
     environment = os.environ | {"SOFTCOVER_STORE": str(folder.parent / "store"), "COLUMNS": "80"}
     quiet = subprocess.DEVNULL
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets its background jobs ignore it
     return subprocess.Popen([sys.executable, "-c", code, *command.split()], cwd=folder, env=environment, stdout=quiet,
                             stderr=quiet, start_new_session=True)  # fmt: skip
 
