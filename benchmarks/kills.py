@@ -31,7 +31,7 @@ COMMANDS = (
     ("calibrate --sensor wts-0614-34 --noise {} --next 3 --plan out", ("4mN", "5mN")),
     ("init {} --force --out out", ("", "")),
 )
-#: Documented status of a run that was interrupted.
+#: Documented status of a run that was interrupted; while Python starts, the signal itself ends it.
 INTERRUPTED = 130
 #: Name of the file with the hashes of all others in an output folder.
 MANIFEST = ".softcover-output"
@@ -94,7 +94,7 @@ def stop(command: str, folder: Path, seconds: float, kind: signal.Signals) -> tu
         os.killpg(process.pid, kind)
     status, names = process.wait(), {each.name for each in folder.iterdir()}
     new = {each for each in names - earlier if kind == signal.SIGINT or not each.startswith(".")}
-    wrong = kind == signal.SIGINT and status not in {0, INTERRUPTED}
+    wrong = kind == signal.SIGINT and status not in {0, INTERRUPTED, -signal.SIGINT}
     return status, f"status {status}, new {sorted(new)}" if wrong or new else ""
 
 
