@@ -17,6 +17,7 @@ from fastmodel.signal.point_spread import Gaussian
 from meshes import Cover
 from meshes.array_types import FloatArray
 from validation.derivation.base import describe_provenance
+from validation.errors import InputError
 from validation.places import find_middle
 from validation.render.image import Scale, tactile_image
 from validation.results import JsonObject, Result, result_model
@@ -263,13 +264,16 @@ def _list_limits(parameters: Parameters, sensor: SensorDescription | None) -> It
         from validation.resolution.limits import Study, find_place_error
         from validation.resolution.touches import find_touches
 
-        channel, assumed = make_channel(parameters.electronics, None, sensor.array.active)
-        middle = int(np.searchsorted(np.flatnonzero(sensor.array.active), find_middle(sensor.array)))
-        study = Study(touches=find_touches(sensor.cover, sensor), channel=channel, texel=middle, load=_LOAD)
-        noise = f"noise of {1e3 * channel.noise:.3g} mN{' (one count, as none is stated)' if assumed else ''}"
-        error = find_place_error(study)
-        over, aside = (channel.find_least_force(each) for each in study.respond(np.outer([0, 0.5], study.pitch)))
-        text = f"{1e6 * error:.3g} um"
+        try:
+            channel, assumed = make_channel(parameters.electronics, None, sensor.array.active)
+            middle = int(np.searchsorted(np.flatnonzero(sensor.array.active), find_middle(sensor.array)))
+            study = Study(touches=find_touches(sensor.cover, sensor), channel=channel, texel=middle, load=_LOAD)
+            noise = f"noise of {1e3 * channel.noise:.3g} mN{' (one count, as none is stated)' if assumed else ''}"
+            error = find_place_error(study)
+            over, aside = (channel.find_least_force(each) for each in study.respond(np.outer([0, 0.5], study.pitch)))
+            text = f"{1e6 * error:.3g} um"
+        except InputError as fault:
+            text = f"{NOT_STATED}: {fault}"
     elif sensor is None:
         text = f"{NOT_STATED}: the cover is not known"
     yield _make_entry(

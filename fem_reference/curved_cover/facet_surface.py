@@ -25,6 +25,8 @@ _CANDIDATES = 6
 _STEPS = 12
 #: Change of the reference coordinates in a step below which the search has ended [-].
 _STILL = 1e-12
+#: Squared sine of the angle between the slopes of a facet, below which it has no area there [-].
+_FLAT = 1e-24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,7 +190,11 @@ def _approach(points: FloatArray, corner: FloatArray, place: FloatArray) -> Floa
             np.einsum("kd,kd->k", *pair) for pair in ((u, u), (u, v), (v, v), (u, away), (v, away))
         )
         step = np.column_stack([vv * right_u - uv * right_v, uu * right_v - uv * right_u])
-        place[left] = _clip(count, start + step / (uu * vv - uv * uv)[:, None])
+        area = (uu * vv - uv * uv)[:, None]
+        # A start on a collapsed side of a facet stays where it is; the other starts find the point.
+        place[left] = _clip(
+            count, start + np.divide(step, area, out=np.zeros_like(step), where=area > _FLAT * (uu * vv)[:, None])
+        )
         left = left[np.abs(place[left] - start).max(axis=1) > _STILL]
     return place
 

@@ -29,7 +29,14 @@ def test_every_verb_is_listed_typed_and_explained():
         assert signature.return_annotation is not inspect.Signature.empty, name
         for parameter in signature.parameters:
             assert re.search(rf"^ +{parameter}: ", verb.__doc__, flags=re.MULTILINE), (name, parameter)
-    assert set(validation.__all__) - set(_COMMANDS) == {"History", "fit_filter", "load", "press_in_time", "read_report"}
+    assert set(validation.__all__) - set(_COMMANDS) == {
+        "History",
+        "fit_filter",
+        "load",
+        "next_touches",
+        "press_in_time",
+        "read_report",
+    }
 
 
 def test_the_import_is_cheap():

@@ -42,6 +42,13 @@ def test_what_needs_finite_elements_or_a_cover_is_not_computed():
         assert found["error_of_place"]["text"].startswith("not stated")
 
 
+def test_electronics_that_have_no_limits_keep_the_data_sheet():
+    falling = change(characteristic=(0.0, 1000.0, -900.0, 0.0, 0.0, 0.0), calibrated="texel force", tip_share=None)
+    found = sheet(falling, BUILT_IN["wts-0614-34"])
+    assert "counts must not fall" in found["least_force"]["text"]
+    assert found["least_force"]["least_force_N"] is None
+
+
 def sheet(parameters, sensor=None):
     return make_datasheet(parameters, sensor).as_json()["entries"]
 

@@ -407,7 +407,7 @@ def plan_touches(
     """
     channel, assumed = find_channel(sensor, noise, progress)
     plan = Plan(Covers(sensor, progress), channel, errors, load=load, radius=radius, wanted=wanted)
-    if not plan.roots.any():
+    if not channel.is_shown(load * plan.response.shares).any():
         raise InputError(f"--load: no texel shows a touch of {load:g} N; give a larger load")
     before, touches = plan.prior, plan.covers.main
     for x, y, force, size in () if earlier is None else earlier:

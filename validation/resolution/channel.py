@@ -238,7 +238,10 @@ def make_channel(electronics: Electronics, noise: float | None, active: BoolArra
     silent = replace(electronics, gains=gains, noise=0.0)
     if sigma:
         return Channel(noise=sigma / gain, electronics=silent), False
-    return Channel(noise=Channel(noise=1e-9, electronics=silent).usual_step, electronics=silent), True
+    step = Channel(noise=1e-9, electronics=silent).usual_step
+    if not step:
+        raise InputError("noise: one count has no size on this sensor; state the noise of a texel, such as --noise 5mN")
+    return Channel(noise=step, electronics=silent), True
 
 
 def find_channel(

@@ -82,4 +82,10 @@ def read_frames(
         raise InputError(f"{place}: frame {bad[0, 0]}, texel {bad[0, 1]} is not finite; leave the frame out")
     if not forces and (values != np.rint(values)).any():
         raise InputError(f"{place}: counts must be whole numbers; pass forces=True for forces in newtons")
+    most = sensor.electronics.output_max
+    if not forces and values.max() > most:
+        raise InputError(
+            f"{place}: counts up to {values.max():.0f}, but those of {sensor.name} end at {most}; name the sensor that "
+            "made them"
+        )
     return Frames(values=values[:, array.active], times=times, forces=forces, measured=measured[array.active])

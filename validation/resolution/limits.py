@@ -210,7 +210,7 @@ class Study:
         whole = not np.isfinite(half).all()
         places, shares = self.list_whole(_FINE if known else _COARSE) if whole else self._list_around(truths[0], half)
         grid, weight = self._list_forces(exact[0, self.seen], shares, known=known)
-        cases = (grid[..., None] * shares[:, None]).reshape(-1, len(self.seen))
+        cases = (grid[..., None] * shares[:, None]).reshape(grid.size, len(self.seen))
         odds = self.channel.log_likelihood(reading, cases, self.seen) + weight.reshape(-1)
         odds -= odds.max(axis=1, keepdims=True)
         np.exp(odds, out=odds)

@@ -273,8 +273,8 @@ class Locator:
         lit = tells & ~full & (level > _REST * self.channel.spread)
         apart = (_sum_forces(parts) - level)[lit]
         share = float(np.linalg.norm(apart) / max(float(np.linalg.norm(level[lit])), 1e-300))
-        free = int(lit.sum()) - sum(part.search.size for part in parts)
-        if free > 0 and share > _EXPLAINED and ((apart / self.channel.spread) ** 2).sum() > chi2.isf(_CHANCE, free):
+        free = max(int(lit.sum()) - sum(part.search.size for part in parts), 1)
+        if share > _EXPLAINED and ((apart / self.channel.spread) ** 2).sum() > chi2.isf(_CHANCE, free):
             words = (*words, f"not explained by {len(touches)} touch{'es' if len(touches) > 1 else ''}")
         saturated, told = int((full & tells).sum()), int(lit.sum())
         for count, word, said in ((saturated, "saturated", saturated > 0), (told, "lit", told < _LIT)):

@@ -86,7 +86,10 @@ def read_measurement(text: str) -> Measurement:
     Raises:
         InputError: If the command or an option is unknown.
     """
-    command, *words = shlex.split(text)
+    try:
+        command, *words = shlex.split(text)
+    except ValueError:
+        raise InputError(f"measure: {text!r} is no command; write for example 'limits --noise 5mN'") from None
     check_choice("measure", "command", command, COMMANDS)
     options: dict[str, Any] = {}
     if command == "regress":

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from validation.api import Stages
 from validation.errors import InputError, at
 from validation.extras import REPORT_MODULES, require
-from validation.output_folder import new_folder
+from validation.output_folder import optional_folder
 from validation.schema import read
 from validation.schema.sweep import SweepTables
 from validation.sweeps.cube import Clause, Swept, read_wish
@@ -51,8 +51,7 @@ def sweep(
         OSError: If the store cannot be written.
     """
     require("skfem", *((*REPORT_MODULES, "xarray") if out else ()), *(("distributed",) if workers or cluster else ()))
-    if workers and cluster:
-        raise InputError("--workers, --cluster: give one of the two")
+    _check(workers, cluster, out, only_plan=only_plan)
     plan, tell, shown = _read_plan(Path(file), wish), announce or (lambda _: None), Stages(progress)
     check_store()
     stored = plan.collect()
@@ -73,25 +72,39 @@ def sweep(
             if plan.wish:
                 plan.collect().check_wish()
 
-    lost: Mapping[int, str] = {}
-    if tasks and not only_plan:
-        shown.step(0, len(tasks), "designs")
-        if workers or cluster:
-            from validation.sweeps.cluster import run_there
+    with optional_folder(out) as folder:
+        lost: Mapping[int, str] = {}
+        if tasks and not only_plan:
+            shown.step(0, len(tasks), "designs")
+            if workers or cluster:
+                from validation.sweeps.cluster import run_there
 
-            lost = run_there(tasks, finish, workers=workers, address=cluster)
-        else:
-            run_here(tasks, finish)
-    found = plan.collect(lost)
-    if not only_plan and (absent := [number for number in tasks if not all(found.results[number])]):
-        found = replace(found, lost={**dict.fromkeys(absent, "its result is not in the store"), **lost})
-    found.check_wish()
-    if out is not None:
-        from validation.sweeps.page import write_page
+                lost = run_there(tasks, finish, workers=workers, address=cluster)
+            else:
+                run_here(tasks, finish)
+        found = plan.collect(lost)
+        if not only_plan and (absent := [number for number in tasks if not all(found.results[number])]):
+            found = replace(found, lost={**dict.fromkeys(absent, "its result is not in the store"), **lost})
+        found.check_wish()
+        if folder is not None:
+            from validation.sweeps.page import write_page
 
-        with new_folder(Path(out)) as folder:
             write_page(found, folder)
     return found
+
+
+def _check(workers: int | None, cluster: str | None, out: str | Path | None, *, only_plan: bool) -> None:
+    """Check options that exclude each other.
+
+    Raises:
+        InputError: If two do, or there is no worker.
+    """
+    if workers and cluster:
+        raise InputError("--workers, --cluster: give one of the two")
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers: must be at least 1, not {workers}; leave it out to compute in this process")
+    if out and only_plan:
+        raise InputError("--out, --only-plan: nothing is measured that could be written; leave one out")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,7 +145,7 @@ class _Plan:
 
 
 def _read_plan(path: Path, wish: str | None) -> _Plan:
-    clauses, tables = read_wish(wish) if wish else [], read(path, SweepTables)
+    clauses, tables = [] if wish is None else read_wish(wish), read(path, SweepTables)
     with at(f"{path}: "):
         measurements, designs = [read_measurement(each) for each in tables.measure], list_designs(tables, path.parent)
     return _Plan(tables=tables, designs=designs, measurements=measurements, wish=clauses)

@@ -205,7 +205,9 @@ def test_the_plan_is_written_as_table_protocol_path_and_picture(tmp_path, capsys
         (["--next", "3", "--want", ","], "--want: name gains, thickness, poisson"),
         (["--next", "3", "--force-error", "5"], "--force-error: must lie in 0..1"),
         (["--next", "3", "--load", "0.001N", "--noise", "1mN"], "--load: no texel shows"),
-        (["--load", "2N"], "RECORDINGS: name recordings"),
+        (["--load", "2N"], "--next NUMBER is missing"),
+        (["--next", "3", "--out", "x.toml"], "--out: has no effect with --next without recordings"),
+        (["missing.csv", "--next", "3", "--tip", "1mm"], "--tip: has no effect with --next"),
         ([], "RECORDINGS: name recordings"),
     ],
 )

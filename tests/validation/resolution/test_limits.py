@@ -227,3 +227,8 @@ def test_counts_that_fall_or_are_too_many_are_refused():
     for electronics, words in ((falling, "must not fall"), (fine, "up to 65535 counts")):
         with pytest.raises(InputError, match=words):
             make_channel(electronics, NOISE, np.ones(3, dtype=bool))[0].edges  # noqa: B018 -- raises
+
+
+def test_a_load_that_no_texel_shows_leaves_what_the_prior_knows():
+    found = {each.name: each.value for each in validation.limits("wts-0614-34", load="0.01 N", noise="5 mN").counted}
+    assert found["place x, force known"] == pytest.approx(3.4e-3 / 12**0.5, rel=1e-3)

@@ -213,3 +213,13 @@ def test_a_touch_on_a_curved_cover_is_found(small_pad):
     found = find(locator, forces, seed=3)
     assert middle(found)[2] == pytest.approx(1.0, abs=0.03)
     assert middle(found)[:2] == pytest.approx(at, abs=1e-4)
+
+
+def test_few_lit_texels_that_no_touch_explains_and_counts_of_another_sensor_are_told():
+    sensor = validation.load("wts-0614-34")
+    counts = np.zeros(84, dtype=int)
+    counts[[37, 38, 43, 36, 49]] = 1000, 20, 900, 900, 20  # an L of six texels of six columns
+    counts[42] = 20
+    assert any("not explained" in each for each in sensor.locate(counts, noise="5 mN").frames[0].words)
+    with pytest.raises(InputError, match="counts up to 60000, but those of wts-0614-34 end at"):
+        sensor.locate(np.where(counts == 1000, 60000, counts))

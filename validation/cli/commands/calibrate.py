@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -121,13 +122,15 @@ def calibrate(
     """
     from validation import api
 
+    others: dict[str, Any] = {"--out": out, "--picture": picture, "--tip": tip, "--texel": texel, "--at": at}
+    others["--indenter"] = indenter
+    _check_plan(planned, {**others, "--step": step, "--yaw": yaw}, after=bool(recordings))
     if not recordings:
         _plan(planned, options.read_description(sensor, any_cover=True), None, json=json)
         return
     description, span = options.read_description(sensor), options.read_time_span("--window", window, "6s:9s")
     if step is not None:
-        others = {"--out": out, "--picture": picture, "--tip": tip, "--texel": texel, "--indenter": indenter}
-        options.refuse_with("--step", others | {"--at": at})
+        options.refuse_with("--step", others)
         _show_step(api.fit_filter(recordings, description, step, array=array), json=json)
         return
     with output.Progress() as progress:
@@ -154,14 +157,26 @@ def _show_fit(
     if json and planned == _NO_PLAN:
         output.print_json(found.as_json())
     elif not isinstance(found, Calibration):
-        if planned != _NO_PLAN:
-            raise InputError("--next: touches are planned after recordings of the whole array, not of one --texel")
         _show_point(found)
     else:
         if not json:
             _show(found, sensor)
         if planned != _NO_PLAN:
             _plan(planned, description, found, json=json)
+
+
+def _check_plan(planned: NextTouches, others: Mapping[str, Any], *, after: bool) -> None:
+    """Check that touches can be planned with the other options, before anything is fitted.
+
+    Raises:
+        InputError: If they cannot.
+    """
+    if planned == _NO_PLAN:
+        return
+    if planned.next is None:
+        raise InputError("--next NUMBER is missing, which the options of planned touches need")
+    without = ("--tip", "--texel", "--step") if after else tuple(others)
+    options.refuse_with("--next" + " without recordings" * (not after), {name: others[name] for name in without})
 
 
 def _plan(planned: NextTouches, sensor: SensorDescription, after: Calibration | None, *, json: bool) -> None:
@@ -174,9 +189,7 @@ def _plan(planned: NextTouches, sensor: SensorDescription, after: Calibration | 
 
     given = {name: value for name, value in vars(planned).items() if value is not None}
     if planned.next is None:
-        if after is None:
-            raise InputError("RECORDINGS: name recordings under known loads, or plan them with --next NUMBER")
-        raise InputError(f"{', '.join('--' + name.replace('_', '-') for name in given)}: needs --next NUMBER")
+        raise InputError("RECORDINGS: name recordings under known loads, or plan them with --next NUMBER")
     if "want" in given:
         given["want"] = tuple(filter(None, (each.strip() for each in given["want"].split(","))))
     with output.Progress() as progress:

@@ -20,7 +20,7 @@ def locate(
     file: options.RecordingFile,
     *,
     touches: Annotated[int, Parameter(metavar="COUNT")] = 1,
-    radius: Annotated[str | None, Parameter(metavar="LENGTH|FROM:TO")] = None,
+    radius: Annotated[str | None, Parameter(metavar="LENGTH|FROM:TO", allow_leading_hyphen=True)] = None,
     noise: options.Force | None = None,
     cover: options.CoverChanges = options.UNCHANGED,
     array: options.PressedArrayIndex = None,
