@@ -20,7 +20,7 @@ from meshes import Cover
 from meshes.array_types import FloatArray
 from meshes.layer import scale_layers
 from validation.errors import InputError
-from validation.resolution.channel import Channel, find_channel
+from validation.resolution.channel import Channel, find_channel, say_noise
 from validation.resolution.touches import Touches, find_touches
 from validation.results import Result, format_digits, result_model
 from validation.sensor_file import SensorDescription
@@ -115,11 +115,10 @@ class NextTouches(Result):
 
     def explain(self) -> Iterator[str]:
         """Yield sentences about the touches, and about what stays unknown."""
-        assumed = ": one count, because the sensor states none; give yours with --noise" if self.noise_assumed else ""
         yield (
             f"{len(self.touches)} touches with a loaded circle of {1e3 * self.radius:g} mm radius, after "
-            f"{self.earlier} earlier ones; noise of {1e3 * self.noise:.3g} mN{assumed}. Their order is drawn, so that "
-            "drift is no pattern over the array."
+            f"{self.earlier} earlier ones; {say_noise(self.noise, assumed=self.noise_assumed)}. Their order is "
+            "drawn, so that drift is no pattern over the array."
         )
         judged = [each for each in self.expected if each.unit == "-"]
         if unknown := [each.name for each in judged if not each.identified]:

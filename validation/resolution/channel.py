@@ -258,6 +258,12 @@ def find_channel(
     return make_channel(electronics, noise, sensor.array.active)
 
 
+def say_noise(noise: float, *, assumed: bool) -> str:
+    """Return words for the standard deviation of the noise of a texel [N], and whether it is assumed."""
+    why = ": one count, because the sensor states none; give yours with --noise" if assumed else ""
+    return f"noise of {1e3 * noise:.3g} mN{why}"
+
+
 def _density(u: FloatArray) -> FloatArray:
     """Return the density of the standard normal distribution."""
     return np.asarray(np.exp(-(u**2) / 2) / math.sqrt(2 * math.pi))

@@ -18,6 +18,8 @@ _STEPS, _BEYOND, _RADII = 10, 3, 12
 _SPOTS = 8, 16
 #: Share of a force below which a texel is left out [-].
 _LEAST_SHARE = 1e-5
+#: Coefficients of 1, u, u^2 and u^3 in the four cubic B-splines around a point u of 0..1 in its step.
+_SPLINES = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,28 +62,21 @@ class Chart:
         """
         nodes = (places - self.low) / self.step + _BEYOND
         first = np.floor(nodes)
-        value, slope, bend = _weigh_nodes((nodes - first)[..., None], self.step[:, None])
+        powers = np.vander((nodes - first).ravel(), 4, increasing=True).reshape(-1, 2, 4)
         squares, knots = radii**2, self.radii**2
-        pairs = [(value, value, np.ones(len(places)))]
+        value = powers @ _SPLINES
+        weights = [value[:, 0, :, None] * value[:, 1, None]]
         if len(knots) > 1:
-            pairs += [(bend, value, squares / 10), (value, bend, -squares / 10), (slope, slope, squares / 5)]
-        weights = np.stack([w[:, None, None] * x[:, 0, :, None] * y[:, 1, None] for x, y, w in pairs], axis=1)
-        if len(knots) > 1:
-            weights = np.stack([weights[:, 0], weights[:, 1] + weights[:, 2], weights[:, 3]], axis=1)
+            slope = powers[..., :3] @ (_SPLINES[1:] * [[1], [2], [3]]) / self.step[:, None]
+            bend = powers[..., :2] @ (_SPLINES[2:] * [[2], [6]]) / self.step[:, None] ** 2
+            oval = bend[:, 0, :, None] * value[:, 1, None] - value[:, 0, :, None] * bend[:, 1, None]
+            tenth = squares[:, None, None] / 10
+            weights += [tenth * oval, 2 * tenth * slope[:, 0, :, None] * slope[:, 1, None]]
         lower = np.clip(np.searchsorted(knots, squares) - 1, 0, max(len(knots) - 2, 0))
         upper = np.minimum(lower + 1, len(knots) - 1)
         share = (squares - knots[lower]) / np.where(upper > lower, knots[upper] - knots[lower], np.inf)
         index = np.column_stack([lower, first - 1]).astype(int)
-        return np.asarray(_gather(self.table, index, share, weights, self.columns[seen]))
-
-
-def _weigh_nodes(u: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the four cubic B-splines around points u of 0..1 in their step, with first and second derivatives."""
-    v = 1 - u
-    value = np.concatenate([v**3, 4 - 6 * u**2 + 3 * u**3, 4 - 6 * v**2 + 3 * v**3, u**3], axis=-1) / 6
-    slope = np.concatenate([-(v**2), 3 * u**2 - 4 * u, 4 * v - 3 * v**2, u**2], axis=-1) / (2 * step)
-    bend = np.concatenate([v, 3 * u - 2, 3 * v - 2, u], axis=-1) / step**2
-    return value, slope, bend
+        return np.asarray(_gather(self.table, index, share, np.stack(weights, axis=1), self.columns[seen]))
 
 
 @numba.njit(cache=True)
@@ -96,11 +91,11 @@ def _gather(table, index, share, weights, columns):  # type: ignore[no-untyped-d
                 continue
             for a in range(4):
                 for b in range(4):
-                    for k in range(len(columns)):
-                        if columns[k] >= 0:
-                            value = part * table[layer + more, i + a, j + b, columns[k]]
-                            for row in range(rows):
-                                found[point, row, k] += weights[point, row, a, b] * value
+                    for row in range(rows):
+                        weight = part * weights[point, row, a, b]
+                        for k in range(len(columns)):
+                            if columns[k] >= 0:
+                                found[point, row, k] += weight * table[layer + more, i + a, j + b, columns[k]]
     return found
 
 

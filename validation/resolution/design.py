@@ -25,7 +25,7 @@ from meshes.hardness import modulus_from_hardness
 from meshes.layer import scale_layers
 from validation.places import find_middle
 from validation.resolution.ball import Pressed, estimate_errors, press_ball
-from validation.resolution.channel import Channel, find_channel
+from validation.resolution.channel import Channel, find_channel, say_noise
 from validation.resolution.limits import Study, find_place_error
 from validation.resolution.touches import find_touches
 from validation.results import Column, Result, result_model
@@ -159,7 +159,6 @@ class Designs(Result):
         shape = f"round touches of {1e3 * self.radius:g} mm" if self.radius else "point touches"
         if self.radius is None:
             shape = f"touches of a ball of {1e3 * self.ball:g} mm radius"
-        assumed = ": one count, because the sensor states none; give yours with --noise" if self.noise_assumed else ""
         if self.best is None:
             yield (
                 f"No design: {self.load:g} N lies outside the load range of each. The least error: "
@@ -170,7 +169,7 @@ class Designs(Result):
         if self.flat and self.flat[0] < self.flat[1]:
             low, high = (1e3 * each for each in self.flat)
             yield f"Within 10 % of the best error: {low:.3g} mm to {high:.3g} mm thick, on this grid."
-        yield f"For {shape} of {self.load:g} N, and noise of {1e3 * self.noise:.3g} mN{assumed}."
+        yield f"For {shape} of {self.load:g} N, and {say_noise(self.noise, assumed=self.noise_assumed)}."
         if self.layers == 1:
             yield (
                 "One layer: its hardness changes neither the spread nor the error of a touch of given radius. It acts "

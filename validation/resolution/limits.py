@@ -20,7 +20,7 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.layer import scale_layers
 from validation.errors import InputError
 from validation.places import find_middle
-from validation.resolution.channel import Channel, find_channel
+from validation.resolution.channel import Channel, find_channel, say_noise
 from validation.resolution.touches import Touches, find_touches
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
@@ -108,11 +108,10 @@ class Limits(Result):
     def explain(self) -> Iterator[str]:
         """Yield sentences about the touches, the noise, and which number of each quantity counts."""
         shape = f"round touches of {1e3 * self.radius:g} mm" if self.radius else "point touches"
-        assumed = ": one count, because the sensor states none; give yours with --noise" if self.noise_assumed else ""
         cell = {"around": "within a pitch around", "between": "in the cell beyond the centre of"}[self.prior]
         yield (
-            f"For {shape} of {self.load:g} N {cell} texel {self.texel}, and noise of "
-            f"{1e3 * self.noise:.3g} mN{assumed}."
+            f"For {shape} of {self.load:g} N {cell} texel {self.texel}, and "
+            f"{say_noise(self.noise, assumed=self.noise_assumed)}."
         )
         if self.tip_share:
             yield (

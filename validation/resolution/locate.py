@@ -7,14 +7,13 @@ import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
 from meshes import atomic_file
 from meshes.array_types import FloatArray
-from validation.resolution.channel import Channel, Reading, find_channel
+from validation.resolution.channel import Channel, Reading, find_channel, say_noise
 from validation.resolution.chart import Chart, make_chart
 from validation.resolution.frames import BELOW_ZERO, Frames
 from validation.resolution.posterior import Posterior, Search
@@ -120,8 +119,7 @@ class Located(Result):
         """Yield sentences about the touches that are looked for, the noise, and the words of frames."""
         low, high = (1e3 * each for each in self.radii)
         shape = f"of radius {low:.3g} mm" if low == high else f"of an unknown radius from {low:.3g} mm to {high:.3g} mm"
-        assumed = ": one count, because the sensor states none; give yours with --noise" if self.noise_assumed else ""
-        yield f"Touches {shape}; noise of {1e3 * self.noise:.3g} mN{assumed}. Intervals hold 95 %."
+        yield f"Touches {shape}; {say_noise(self.noise, assumed=self.noise_assumed)}. Intervals hold 95 %."
         for word, meaning in _MEANINGS.items():
             if any(word in each for frame in self.frames for each in frame.words):
                 yield f"{word}: {meaning}."
@@ -149,16 +147,7 @@ class Located(Result):
         atomic_file.replace(path, [text.getvalue().encode()])
 
 
-class Part(NamedTuple):
-    """One touch of a frame: its chart, search and posterior, and its force on each active texel, shape (n,) [N]."""
-
-    chart: Chart
-    search: Search
-    found: Posterior
-    explained: FloatArray
-
-
-def _sum_forces(parts: list[Part]) -> FloatArray:
+def _sum_forces(parts: list[Posterior]) -> FloatArray:
     return np.asarray(np.sum([part.explained for part in parts], axis=0))
 
 
@@ -198,8 +187,7 @@ class Locator:
             time: Time of the frame [s].
         """
         low, high = (each[0] for each in reading)
-        level = np.where(np.isposinf(high), low, np.where(np.isneginf(low), 0.0, (low + high) / 2))
-        level = np.where(np.isfinite(level), level, 0.0)
+        level = np.where(np.isfinite(low), np.where(np.isposinf(high), low, (low + high) / 2), 0.0)
         if level.min() < -_NEGATIVE * self.channel.spread:
             return LocatedFrame(time=time, words=("negative forces",))
         if level.max() < max(_REST * self.channel.spread, 0.0):
@@ -209,7 +197,7 @@ class Locator:
         while len(parts) < count:
             noise = _REST * self.channel.spread
             rest = np.where(level > noise, level - _sum_forces(parts), 0.0)
-            texels = [*(part.chart.texel for part in parts), int(np.argmax(rest))]
+            texels = [*(part.search.chart.texel for part in parts), int(np.argmax(rest))]
             more = self._fit(reading, level, texels) if rest.max() > noise else parts
             if more is parts or not self._is_better(reading, more, parts):
                 words = (f"{count} touches are not told apart",)
@@ -217,53 +205,47 @@ class Locator:
             parts = more
         return self._describe(reading, level, parts, time, words)
 
-    def _fit(self, reading: Reading, level: FloatArray, texels: list[int]) -> list[Part]:
+    def _fit(self, reading: Reading, level: FloatArray, texels: list[int]) -> list[Posterior]:
         """Find touches around some texels, each in turn with the force of the others taken off."""
-        parts: dict[int, Part] = {}
+        forces = np.zeros((len(texels), len(level)))
+        parts: list[Posterior] = []
         for _ in range(_SWEEPS if len(texels) > 1 else 1):
+            parts = []
             for number, texel in enumerate(texels):
-                others = sum((part.explained for each, part in parts.items() if each != number), np.zeros(len(level)))
-                search = self._search(reading, level - others, self.chart(texel), others)
-                found = search.sample()
-                explained = np.zeros(len(level))
-                explained[search.seen] = found.explained
-                parts[number] = Part(search.charts[0], search, found, explained)
-        return list(parts.values())
+                others = np.delete(forces, number, axis=0).sum(axis=0)
+                parts.append(self._search(reading, level - others, self.chart(texel), others).sample())
+                forces[number] = parts[-1].explained
+        return parts
 
     def _search(self, reading: Reading, level: FloatArray, chart: Chart, others: FloatArray) -> Search:
         top, reached = float(self.channel.edges[-2].max()), chart.columns >= 0
         most = np.zeros(len(level))
         most[reached] = chart.peaks[chart.columns[reached]]
-        lit = level > _REST * self.channel.spread
-        total = float(level[lit & (most > _REACHED * most.max())].sum())
+        near = (level > _REST * self.channel.spread) & (most > _REACHED * most.max())
+        total = float(level[near].sum())
         least = np.maximum(_LEFT_OUT * self.channel.noise, self.channel.edges[1] - _REST * self.channel.noise)
         measured = np.isfinite(reading.low[0]) | np.isfinite(reading.high[0])
-        seen = np.flatnonzero(measured & ((total * most > least) | (lit & (most > _REACHED * most.max()))))
+        seen = np.flatnonzero(measured & ((total * most > least) | near))
         limit = _OVER_SATURATION * top / most.max() if np.isfinite(top) else _OVER_SUM * total
-        return Search(
-            charts=(chart,),
-            channel=self.channel,
-            reading=reading,
-            seen=seen,
-            most=max(limit, 2 * total, self.channel.noise),
-            others=others,
-        )
+        most_force = max(limit, 2 * total, self.channel.noise)
+        return Search(chart=chart, channel=self.channel, reading=reading, seen=seen, most=most_force, others=others)
 
-    def _is_better(self, reading: Reading, more: list[Part], parts: list[Part]) -> bool:
+    def _is_better(self, reading: Reading, more: list[Posterior], parts: list[Posterior]) -> bool:
         """Return whether further touches explain a frame better than noise and the misfit would let expect."""
         seen = np.unique(np.concatenate([part.search.seen for part in (*more, *parts)]))
         forces = np.array([_sum_forces(each)[seen] for each in (more, parts)])
         better, worse = self.channel.log_likelihood(reading, forces, seen)[0]
-        scale = max(1.0, *(part.found.misfit / max(part.search.free, 1) for part in more))
+        scale = max(1.0, *(part.misfit / max(part.search.free, 1) for part in more))
         return bool(2 * (better - worse) > scale * chi2.isf(_CHANCE, more[0].search.size))
 
     def _describe(
-        self, reading: Reading, level: FloatArray, parts: list[Part], time: float, words: tuple[str, ...]
+        self, reading: Reading, level: FloatArray, parts: list[Posterior], time: float, words: tuple[str, ...]
     ) -> LocatedFrame:
         touches = []
-        for chart, _, found, _ in parts:
-            points = self.touches.origins[chart.texel] + found.places[:, 0] @ self.touches.axes[chart.texel]
-            mean, _, low, high = found.summarise(np.column_stack([points, found.forces[:, 0], found.radii[:, 0]]))
+        for part in parts:
+            texel = part.search.chart.texel
+            points = self.touches.origins[texel] + part.places @ self.touches.axes[texel]
+            mean, low, high = part.summarise(np.column_stack([points, part.forces, part.radii]))
             lift = self.touches.project(mean[None, :3])[0] - mean[:3]
             mean[:3], low[:3], high[:3] = mean[:3] + lift, low[:3] + lift, high[:3] + lift
             x, y, z, force, wide = (Estimate(value=v, low=a, high=b) for v, a, b in zip(mean, low, high, strict=True))

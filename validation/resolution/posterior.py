@@ -1,10 +1,10 @@
-"""The posterior of touches given one frame: places, forces and radii, as drawn points with weights.
+"""The posterior of a touch given one frame: place, force and radius, as drawn points with weights.
 
-The prior is uniform over a box around a texel for each touch, over its radius, and over its force.  Places and radii
-are sampled as normal numbers z, whose distribution function spans the box.  The forces, in which the frame is linear,
-are drawn around their weighted least squares.  Points are drawn from a t-distribution at the most likely touch; where
-it does not fit, from clusters that follow a likelihood raised to a growing power, from the prior on (Neal, Annealed
-importance sampling, 2001; Cappe et al., Population Monte Carlo, 2004).
+The prior is uniform over a box around a texel, over the radius, and over the force.  Place and radius are sampled as
+normal numbers z, whose distribution function spans the box.  The force, in which the frame is linear, is drawn around
+its weighted least squares.  Points are drawn from a t-distribution at the most likely touch; where it does not fit,
+from clusters that follow a likelihood raised to a growing power, from the prior on (Neal, Annealed importance sampling,
+2001; Cappe et al., Population Monte Carlo, 2004).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from scipy.special import chdtri, logsumexp, ndtr, ndtri
 from scipy.stats import qmc
 
-from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.array_types import FloatArray, IntArray
 from validation.resolution.channel import Channel, Reading
 from validation.resolution.chart import Chart
 
-#: Points as powers of two: of the first look and its most, of a round, and of the result; largest number of rounds [-].
-_LOOKED, _MOST_LOOKED, _DRAWN, _LAST, _ROUNDS = 7, 10, 8, 9, 16
-#: Share of points that count when the likelihood is raised, and when the proposal has settled [-].
+#: Points as powers of two: of the first look, less the parameters, of a round, and of the result; most rounds [-].
+_LOOKED, _DRAWN, _LAST, _ROUNDS = 5, 8, 9, 16
+#: Share of points that count when the likelihood is raised, when the proposal has settled, and when it is poor [-].
 _RAISED, _SETTLED, _POOR = 0.15, 0.25, 0.03
 #: Degrees of freedom of proposals, their widening, and number of clusters [-].
 _TAILS, _WIDENED, _CLUSTERS = 8, 1.1, 8
@@ -40,35 +40,34 @@ _TINY = 1e-12
 
 
 class Posterior(NamedTuple):
-    """Points drawn from a posterior of N touches.
+    """Points drawn from the posterior of a touch.
 
     Attributes:
-        places: Place of each touch from the point above the texel of its chart, shape (m, N, 2) [m].
-        radii: Radius of each touch, shape (m, N) [m].
-        forces: Forces, shape (m, N) [N].
+        search: The frame, and the touches that may have made it.
+        places: Place from the point above the texel of the chart, shape (m, 2) [m].
+        radii: Radius, shape (m,) [m].
+        forces: Force, shape (m,) [N].
         weights: Weights, whose sum is one, shape (m,) [-].
         misfit: Sum of squared deviations of lit texels from the most likely touch, over their variance [-].
-        likely: Logarithm of the likelihood there [-].
-        explained: Texel forces there, shape (s,) [N].
+        explained: Texel forces of the most likely touch, shape (n,) [N].
     """
 
+    search: Search
     places: FloatArray
     radii: FloatArray
     forces: FloatArray
     weights: FloatArray
     misfit: float
-    likely: float
     explained: FloatArray
 
-    def summarise(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return mean, standard deviation and the quantiles 2.5 % and 97.5 % of values (m, k), shape (k,) each."""
-        mean = self.weights @ values
+    def summarise(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the mean and the quantiles 2.5 % and 97.5 % of values (m, k), shape (k,) each."""
         order = np.argsort(values, axis=0)
         total = np.cumsum(self.weights[order], axis=0) - self.weights[order] / 2
         low, high = np.transpose([
             np.interp([0.025, 0.975], total[:, k], values[order[:, k], k]) for k in range(values.shape[1])
         ])  # fmt: skip
-        return mean, np.sqrt(self.weights @ (values - mean) ** 2), low, high
+        return self.weights @ values, low, high
 
 
 class Drawn(NamedTuple):
@@ -108,8 +107,9 @@ class Fit(NamedTuple):
     """Touches at m points with their forces by least squares, and how they fit a frame.
 
     Attributes:
-        places, radii, forces: As of `Posterior`.
-        linear: Force of each touch, followed by force times ellipticities if the radius is unknown, shape (m, l) [N].
+        places: Places from the point above the texel of the chart, shape (m, 2) [m].
+        radii: Radii, shape (m,) [m].
+        linear: Force, followed by force times ellipticities if the radius is unknown, shape (m, l) [N].
         shares: Force on each texel per unit of these, shape (m, l, s) [-].
         factor: Root of their covariance, shape (m, l, l) [N].
         residual: Deviations of the texels in standard deviations, shape (m, s); 0 where dark and saturated ones agree.
@@ -122,86 +122,79 @@ class Fit(NamedTuple):
     factor: FloatArray
     residual: FloatArray
 
+    @property
+    def forces(self) -> FloatArray:
+        """Force on each texel, shape (m, s) [N]."""
+        return np.asarray((self.linear[:, None] @ self.shares)[:, 0])
+
+    @property
+    def volume(self) -> FloatArray:
+        """Logarithm of the volume of the forces, times that of the density of their shape given the force, (m,) [-]."""
+        force = np.maximum(self.linear[:, :1], _TINY)
+        shape = (self.linear[:, 1:] / (_OVAL * force)) ** 2 / 2 + np.log(force)
+        return np.asarray(np.log(np.diagonal(self.factor, axis1=1, axis2=2)).sum(axis=1) - shape.sum(axis=1))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
     """A frame, and the touches that may have made it.
 
     Attributes:
-        charts: Chart of each of N touches.
+        chart: Texel forces of these touches.
         channel: Noise and electronics.
         reading: Reading of all texels, shape (1, n) [N].
         seen: Indices of the s texels that count.
-        most: Largest force of a touch [N].
+        most: Largest force [N].
         others: Force of other touches on each texel, shape (n,) [N].
-        known: Force of each touch if it is known [N].
     """
 
-    charts: tuple[Chart, ...]
+    chart: Chart
     channel: Channel
     reading: Reading
     seen: IntArray
     most: float
     others: FloatArray
-    known: float | None = None
 
     @cached_property
     def ends(self) -> FloatArray:
-        """Least and largest places of all touches, and their radii unless they are known, shape (2, d) [m]."""
-        ends = [np.concatenate([getattr(chart, end) for chart in self.charts]) for end in ("low", "high")]
-        radii, several = self.charts[0].radii, len(self.charts)
-        if len(radii) == 1:
-            return np.array(ends)
-        return np.array([np.append(ends[0], [radii[0]] * several), np.append(ends[1], [radii[-1]] * several)])
+        """Least and largest place, and radius unless it is known, shape (2, d) [m]."""
+        ends, radii = np.array([self.chart.low, self.chart.high]), self.chart.radii
+        return ends if len(radii) == 1 else np.column_stack([ends, radii[[0, -1]]])
 
-    def sample(self, power: float | None = None) -> Posterior:
-        """Draw points of the posterior.
-
-        Args:
-            power: Power of the likelihood; None for one over the misfit per degree of freedom, at most 1 (Birge,
-                Physical Review 40, 1932): a frame that is explained less well than the noise lets expect tells less.
-        """
-        best, root = self._settle()
-        at_best = self._fit(best[None])
-        misfit, likely = float((at_best.residual**2).sum()), float(self._judge(at_best)[0])
-        if power is None:
-            power = min(1.0, self.free / misfit) if self.free > 0 and misfit > 0 else 1.0
-            power /= 1 + _SYSTEMATIC * (1 - power)
-        proposal = Proposal(np.ones(1), best[None], _WIDENED / np.sqrt(power) * root[None])
-        for attempt in range(3):
-            z, places, radii, forces, weights = self._draw(proposal, power)
-            counted = 1 / (weights**2).sum() / len(z)
-            if counted > _SETTLED:
-                break
-            proposal = _cluster(z, weights) if counted > _POOR and attempt != 1 else self._adapt(power)
-        return Posterior(
-            places, radii, forces, weights, misfit, likely, (at_best.linear[:, None] @ at_best.shares)[0, 0]
-        )
-
-    @property
+    @cached_property
     def rows(self) -> int:
-        """Number of linear parameters of a touch: the force and, if the radius is unknown, two ellipticities."""
-        return 3 if len(self.charts[0].radii) > 1 else 1
-
-    @property
-    def lit(self) -> BoolArray:
-        """Which of the texels `seen` tell a force, shape (s,)."""
-        return self._targets[1] > 0
-
-    @property
-    def level(self) -> FloatArray:
-        """Force that each of the texels `seen` tells, shape (s,) [N]."""
-        return self._targets[0]
+        """Number of linear parameters: the force and, if the radius is unknown, two ellipticities."""
+        return 3 if len(self.chart.radii) > 1 else 1
 
     @property
     def size(self) -> int:
         """Number of parameters [-]."""
-        return int(self.ends.shape[1]) + self.rows * len(self.charts)
+        return int(self.ends.shape[1]) + self.rows
 
     @property
     def free(self) -> int:
         """Number of lit texels less that of the parameters [-]."""
-        return int(self.lit.sum()) - self.size
+        return int((self._targets[1] > 0).sum()) - self.size
+
+    def sample(self) -> Posterior:
+        """Draw points of the posterior.
+
+        The likelihood is raised to one over the misfit per degree of freedom, at most 1 (Birge, Physical Review 40,
+        1932), or less: a frame that is explained less well than the noise lets expect tells less.
+        """
+        best, root, fit = self._settle()
+        misfit, explained = float((fit.residual[0] ** 2).sum()), np.zeros(len(self.others))
+        explained[self.seen] = fit.forces[0]
+        power = min(1.0, self.free / misfit) if self.free > 0 and misfit > 0 else 1.0
+        power /= 1 + _SYSTEMATIC * (1 - power)
+        proposal = Proposal(np.ones(1), best[None], _WIDENED / np.sqrt(power) * root[None])
+        for attempt in range(3):
+            z, fit, weights = self._draw(proposal, power)
+            counted = 1 / (weights**2).sum() / len(z)
+            if counted > _SETTLED:
+                break
+            proposal = _cluster(z, weights) if counted > _POOR and attempt != 1 else self._adapt(power)
+        return Posterior(self, fit.places, fit.radii, fit.linear[:, 0], weights, misfit, explained)
 
     def _adapt(self, power: float) -> Proposal:
         """Follow the likelihood from the prior on."""
@@ -210,7 +203,7 @@ class Search:
         for _ in range(_ROUNDS):
             z, odds = proposal.draw(_draw(size, _DRAWN))
             fit = self._fit(z)
-            likely = self._judge(fit) + (_log_volume(fit.factor) + self._weigh_shape(fit.linear)) / power
+            likely = self._judge(fit) + fit.volume / power
             raised = _raise(likely, odds, raised, power)
             weights = _normalise(raised * likely + odds)
             proposal = _cluster(z, weights)
@@ -218,37 +211,24 @@ class Search:
                 break
         return proposal
 
-    def _weigh_shape(self, linear: FloatArray) -> FloatArray:
-        """Compute the logarithm of the density of force times ellipticities, which are normal, given the force (m,)."""
-        if self.rows == 1:
-            return np.zeros(len(linear))
-        parts = linear.reshape(len(linear), -1, self.rows)
-        forces = np.maximum(parts[..., :1], _TINY)
-        return np.asarray((-((parts[..., 1:] / (_OVAL * forces)) ** 2) / 2 - np.log(forces)).sum(axis=(1, 2)))
-
-    def _draw(self, proposal: Proposal, power: float) -> tuple[FloatArray, ...]:
+    def _draw(self, proposal: Proposal, power: float) -> tuple[FloatArray, Fit, FloatArray]:
         """Draw points and forces, and weigh them."""
-        several = len(self.charts) * self.rows
-        drawn = _draw(self.ends.shape[1] + several, _LAST)
+        drawn = _draw(self.size, _LAST)
         z, odds = proposal.draw(drawn)
-        fit = self._fit(z)
-        if self.known is None:
-            more = drawn.normal[:, -several:]
-            fit = fit._replace(linear=fit.linear + (fit.factor @ more[..., None])[..., 0] / np.sqrt(power))
-            odds = odds + (more**2).sum(axis=1) / 2 + _log_volume(fit.factor) + self._weigh_shape(fit.linear)
-        forces = fit.linear[:, :: self.rows]
-        odds = np.where(((forces >= 0) & (forces <= self.most)).all(axis=1), odds, -np.inf)
-        weights = _normalise(power * self._judge(fit) + odds)
-        return z, fit.places, fit.radii, forces, weights
+        fit, more = self._fit(z), drawn.normal[:, -self.rows :]
+        fit = fit._replace(linear=fit.linear + (fit.factor @ more[..., None])[..., 0] / np.sqrt(power))
+        odds = odds + (more**2).sum(axis=1) / 2 + fit.volume
+        odds = np.where((fit.linear[:, 0] >= 0) & (fit.linear[:, 0] <= self.most), odds, -np.inf)
+        return z, fit, _normalise(power * self._judge(fit) + odds)
 
-    def _settle(self) -> tuple[FloatArray, FloatArray]:
-        """Find the most likely touch by Newton's method of least squares, and a root of the covariance there."""
+    def _settle(self) -> tuple[FloatArray, FloatArray, Fit]:
+        """Find the most likely touch by Newton's method of least squares, a root of the covariance, and the fit."""
         size = self.ends.shape[1]
-        z = _draw(size, min(_LOOKED + size - 2, _MOST_LOOKED)).normal
-        best = z[np.argmax(self._judge(self._fit(z)) - (z**2).sum(axis=1) / 2)]
+        z = _draw(size, _LOOKED + size).normal
+        fit = self._fit(z)
+        best = z[np.argmax(self._judge(fit) - (z**2).sum(axis=1) / 2)]
         aside = _ASIDE * np.eye(size)
-        reached, last, step = -np.inf, best, np.zeros(size)
-        root = np.eye(size)
+        reached, last, step, root, kept = -np.inf, best, np.zeros(size), np.eye(size), fit
         for _ in range(_NEWTON):
             z = np.vstack([best, best + aside, best - aside])
             fit = self._fit(z)
@@ -257,7 +237,7 @@ class Search:
                 step = step / 4
             else:
                 ended = value < reached + 1e-3
-                reached, last = value, best
+                reached, last, kept = value, best, fit
                 slope = (fit.residual[1 : size + 1] - fit.residual[size + 1 :]) / (2 * _ASIDE)
                 inverse = np.linalg.inv(slope @ slope.T + np.eye(size))
                 root = np.linalg.cholesky(inverse)
@@ -266,46 +246,35 @@ class Search:
                 if ended:
                     break
             best = last + step
-        return last, root
+        return last, root, kept
 
     def _fit(self, z: FloatArray) -> Fit:
         """Compute the touches at points (m, d)."""
         values = self.ends[0] + (self.ends[1] - self.ends[0]) * ndtr(z)
-        several = len(self.charts)
-        places = values[:, : 2 * several].reshape(-1, several, 2)
-        known = np.broadcast_to(self.charts[0].radii[0], places.shape[:2])
-        radii = values[:, 2 * several :] if self.rows > 1 else known
-        shares = np.concatenate([c.at(places[:, k], radii[:, k], self.seen) for k, c in enumerate(self.charts)], axis=1)
+        places, radii = values[:, :2], values[:, 2] if self.rows > 1 else np.full(len(z), self.chart.radii[0])
+        shares = self.chart.at(places, radii, self.seen)
         target, weight, beyond = self._targets
-        lit, size = weight > 0, shares.shape[1]
-        wrong = np.zeros((len(z), len(lit)), dtype=bool)
-        linear = np.full((len(z), size), self.most / 2 if self.known is None else self.known)
-        precision = np.empty((len(z), size))
-        middle = np.where(np.arange(size) % self.rows == 0, 6 / self.most, 0.0)
-        factor = np.zeros((len(z), size, size))
+        lit, axis = weight > 0, np.eye(self.rows)
+        wrong, linear = np.zeros((len(z), len(lit)), dtype=bool), self.most / 2 * np.ones((len(z), 1))
         for _ in range(_PASSES):
-            w = np.where(lit, weight, wrong / self.channel.noise**2)
-            if self.known is None:
-                forces = np.maximum(linear[:, :: self.rows], 1e-3 * self.most)
-                precision[:] = np.repeat((_OVAL * forces) ** -2, self.rows, axis=1)
-                precision[:, :: self.rows] = 12 / self.most**2
-                weighted = shares * w[:, None]
-                normal = weighted @ shares.transpose(0, 2, 1) + precision[..., None] * np.eye(size)
-                inverse = 1 / normal if size == 1 else np.linalg.inv(normal)
-                right = (weighted @ target[:, None])[..., 0] + middle
-                linear = (inverse @ right[..., None])[..., 0]
-                linear[:, :: self.rows] = np.clip(linear[:, :: self.rows], 0, self.most)
+            weighted = shares * np.where(lit, weight, wrong / self.channel.noise**2)[:, None]
+            precision = (_OVAL * np.maximum(linear[:, :1], 1e-3 * self.most)) ** -2 * np.ones(self.rows)
+            precision[:, 0] = 12 / self.most**2
+            normal = weighted @ shares.transpose(0, 2, 1) + precision[..., None] * axis
+            inverse = np.linalg.inv(normal)
+            linear = (inverse @ (weighted @ target + 6 / self.most * axis[0])[..., None])[..., 0]
+            linear[:, 0] = np.clip(linear[:, 0], 0, self.most)
             apart = (linear[:, None] @ shares)[:, 0] - target
-            wrong = ~lit & (beyond * apart > 0)
-        if self.known is None:
-            factor = np.sqrt(inverse) if size == 1 else np.linalg.cholesky(inverse)
+            before, wrong = wrong, ~lit & (beyond * apart > 0)
+            if self.rows == 1 and (wrong == before).all():
+                break
         residual = np.sqrt(np.where(lit, weight, wrong / self.channel.noise**2)) * apart
-        return Fit(places, radii, linear, shares, factor, residual)
+        return Fit(places, radii, linear, shares, np.linalg.cholesky(inverse), residual)
 
     def _judge(self, fit: Fit) -> FloatArray:
         """Compute the logarithm of the likelihood of the frame, shape (m,)."""
-        forces = (fit.linear[:, None] @ fit.shares)[:, 0]
-        return np.asarray(self.channel.log_likelihood(self.reading, forces + self.others[self.seen], self.seen)[0])
+        forces = fit.forces + self.others[self.seen]
+        return np.asarray(self.channel.log_likelihood(self.reading, forces, self.seen)[0])
 
     @cached_property
     def _targets(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -318,10 +287,6 @@ class Search:
         width = np.where(inner, high - low, 0.0)
         target = np.where(full, low, high) - width / 2 - self.others[self.seen]
         return target, np.where(inner, 1 / (self.channel.noise**2 + width**2 / 12), 0.0), np.where(full, -1.0, 1.0)
-
-
-def _log_volume(factor: FloatArray) -> FloatArray:
-    return np.asarray(np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1))
 
 
 def _raise(likely: FloatArray, odds: FloatArray, least: float, most: float) -> float:
