@@ -261,13 +261,11 @@ def _list_limits(parameters: Parameters, sensor: SensorDescription | None) -> It
     noise = "noise and electronics as stated"
     if sensor is not None and isinstance(sensor.cover, Cover) and sensor.cover.size is None:
         from validation.resolution.channel import make_channel
-        from validation.resolution.limits import Study, find_place_error
-        from validation.resolution.touches import find_touches
+        from validation.resolution.limits import find_place_error, study_middle
 
         try:
             channel, assumed = make_channel(parameters.electronics, None, sensor.array.active)
-            middle = int(np.searchsorted(np.flatnonzero(sensor.array.active), find_middle(sensor.array)))
-            study = Study(touches=find_touches(sensor.cover, sensor), channel=channel, texel=middle, load=_LOAD)
+            study = study_middle(sensor, channel, load=_LOAD)
             noise = f"noise of {1e3 * channel.noise:.3g} mN{' (one count, as none is stated)' if assumed else ''}"
             error = find_place_error(study)
             over, aside = (channel.find_least_force(each) for each in study.respond(np.outer([0, 0.5], study.pitch)))

@@ -303,7 +303,7 @@ class Plan:
             wanted: Some of `WANTED`; the Poisson ratio counts as known unless it is wanted.
         """
         touches = covers.main
-        self.covers, self.channel, self.errors, self.radius = covers, channel, errors, radius
+        self.covers = covers
         half = np.array([[x, y] for x in (0, 0.5, -0.5) for y in (0, 0.5, -0.5)]) * touches.pitch
         texels = len(touches.origins)
         spots = np.array([

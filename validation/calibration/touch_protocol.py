@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +14,7 @@ from validation.calibration.next_touches import WANTED, Errors, NextTouches, pla
 from validation.errors import Faults, InputError, check_choice
 from validation.extras import require
 from validation.output_folder import optional_folder
+from validation.press_files import write_rows
 from validation.render.figure import COLUMN, open_figure, save_figure
 from validation.sensor_file import SensorDescription
 from validation.text.quantity import read_positive
@@ -134,15 +133,11 @@ def _check(
 
 def _write(found: NextTouches, sensor: SensorDescription, folder: Path) -> None:
     """Write table, protocol, path of a printer and picture of planned touches into a folder."""
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(["touch", "texel", "x [mm]", "y [mm]", "z [mm]", "load [N]"])
     rows = [
         (number, each.texel, *(f"{1e3 * value:.3f}" for value in each.at), f"{each.load:g}")
         for number, each in enumerate(found.touches, 1)
     ]
-    writer.writerows(rows)
-    (folder / "touches.csv").write_text(table.getvalue())
+    write_rows(folder / "touches.csv", ("touch", "texel", "x [mm]", "y [mm]", "z [mm]", "load [N]"), rows)
     lines = "\n".join(f"| [ ] | {' | '.join(map(str, row))} |" for row in rows)
     expected = "\n".join(f"- {name}: {before}, then {after}" for name, before, after in found.list_expected())
     (folder / "protocol.md").write_text(
@@ -160,11 +155,10 @@ def _list_moves(found: NextTouches) -> Iterator[str]:
     yield "; origin: middle of the array on top of its cover, x along the rows, z upwards; set it with G92 X0 Y0 Z0"
     yield "; each place is approached from -x and -y; M0 waits: press, record, release, then go on"
     yield from ("G21", "G90", f"G0 Z{_CLEARANCE:.3f}")
-    top = found.touches[0].at[2]
     for number, each in enumerate(found.touches, 1):
         x, y = (1e3 * value for value in each.at[:2])
         yield f"G0 X{x - _APPROACH:.3f} Y{y - _APPROACH:.3f}"
-        yield f"G1 X{x:.3f} Y{y:.3f} Z{1e3 * (each.at[2] - top) + _CLEARANCE:.3f} F600"
+        yield f"G1 X{x:.3f} Y{y:.3f} Z{_CLEARANCE:.3f} F600"
         yield f"M0 ; touch {number}: {each.load:g} N"
     yield "M2"
 

@@ -23,11 +23,9 @@ from fem_reference.closed_form.layer import point_response
 from meshes import Cover, Material, Sphere, TexelArray
 from meshes.hardness import modulus_from_hardness
 from meshes.layer import scale_layers
-from validation.places import find_middle
 from validation.resolution.ball import Pressed, estimate_errors, press_ball
 from validation.resolution.channel import Channel, find_channel, say_noise
-from validation.resolution.limits import Study, find_place_error
-from validation.resolution.touches import find_touches
+from validation.resolution.limits import find_place_error, study_middle
 from validation.results import Column, Result, result_model
 from validation.sensor_file import SensorDescription
 
@@ -266,10 +264,7 @@ class _Plan:
         if math.isnan(touch):
             return math.nan, spread, math.nan, math.nan
         sensor = replace(self.sensor, array=array, cover=cover)
-        place = int(np.searchsorted(np.flatnonzero(array.active), find_middle(array)))
-        study = Study(
-            touches=find_touches(cover, sensor), channel=self.channel, texel=place, load=self.load, radius=touch
-        )
+        study = study_middle(sensor, self.channel, load=self.load, radius=touch)
         over, aside = study.respond(np.array([[0.0, 0.0], [0.5, 0.5]]) * study.pitch)
         full = float(np.min(np.where(over > 0, self.channel.edges[-2] / np.where(over > 0, over, 1.0), np.inf)))
         return find_place_error(study), spread, self.channel.find_least_force(aside), full

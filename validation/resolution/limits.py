@@ -344,6 +344,31 @@ class Study:
         return found
 
 
+def study_middle(
+    sensor: SensorDescription,
+    channel: Channel,
+    *,
+    load: float,
+    radius: float = 0.0,
+    progress: Callable[[str], None] | None = None,
+) -> Study:
+    """Prepare touches above the texel nearest to the middle of an array.
+
+    Args:
+        sensor: Array and cover.
+        channel: Noise and electronics.
+        load: Force of a touch [N].
+        radius: Radius of a touch; 0 for a point [m].
+        progress: Called with a line of text before each step.
+
+    Raises:
+        ConvergenceError: If finite elements are needed and did not converge.
+    """
+    texel = int(np.searchsorted(np.flatnonzero(sensor.array.active), find_middle(sensor.array)))
+    touches = find_touches(sensor.cover, sensor, progress)
+    return Study(touches=touches, channel=channel, texel=texel, load=load, radius=radius)
+
+
 def list_limits(study: Study, separation: float | None) -> tuple[Limit, ...]:
     """List the limits of a study: places, force, radius, separation, least force."""
     found = []
@@ -437,10 +462,8 @@ def find_limits(
     covers = _scale(cover, thicknesses)
     counted, assumed = find_channel(sensor, noise, progress)
     ideal = Channel(noise=counted.noise)
-    middle = find_middle(array)
-    place = int(np.searchsorted(np.flatnonzero(array.active), middle))
-    touches = find_touches(cover, sensor, progress)
-    study = Study(touches=touches, channel=counted, texel=place, load=load, radius=radius, shift=SHIFTS[prior])
+    middle = study_middle(sensor, counted, load=load, radius=radius, progress=progress)
+    study = replace(middle, shift=SHIFTS[prior])
     by_texel: list[float | None] = [None] * array.count if over_array else []
     for number, texel in enumerate(np.flatnonzero(array.active) if over_array else ()):
         by_texel[texel] = find_place_error(replace(study, texel=number, shift=0.0), _MAP_FRAMES)
@@ -461,7 +484,7 @@ def find_limits(
         separation=separation,
         noise=counted.noise,
         noise_assumed=assumed,
-        texel=middle,
+        texel=int(np.flatnonzero(array.active)[study.texel]),
         prior=prior,
         tip_share=counted.electronics.tip_share if counted.electronics else None,
         ideal=list_limits(replace(study, channel=ideal), separation),

@@ -308,7 +308,8 @@ def locate_frames(
     """Find touches in frames; arguments, besides the `count` of touches, and errors as those of `make_locator`."""
     key = (id(sensor), noise, radii, frames.forces)
     if key not in _PREPARED:
-        _PREPARED.pop(next(iter(_PREPARED)), None) if len(_PREPARED) >= _MOST_PREPARED else None
+        if len(_PREPARED) >= _MOST_PREPARED:
+            del _PREPARED[next(iter(_PREPARED))]
         made = make_locator(sensor, noise=noise, radii=radii, forces=frames.forces, progress=progress)
         _PREPARED[key] = (sensor, *made)
     _, locator, assumed = _PREPARED[key]

@@ -119,7 +119,8 @@ def locate(
         MissingExtraError: If finite elements or the drawing are needed and not installed.
         ConvergenceError: If finite elements are needed and did not converge.
     """
-    description, faults, far = describe(sensor), Faults(), _FARTHEST * min(describe(sensor).array.pitch)
+    description, faults = describe(sensor), Faults()
+    far = _FARTHEST * min(description.array.pitch)
     if not 1 <= touches <= _MOST_TOUCHES:
         faults.append(f"--touches: accepted: 1..{_MOST_TOUCHES}, not {touches}")
     level = noise and faults.read(read_positive, noise, "force", _HEAVIEST, place="--noise")
@@ -213,7 +214,8 @@ def _read_span(
     """
     parts = text.split(":")
     if single and len(parts) == 1:
-        return _Span(read(text), read(text), 1)
+        only = read(text)
+        return _Span(only, only, 1)
     count = parts[2] if len(parts) == 3 else str(_STEPS)  # noqa: PLR2004 -- from, to and count
     if len(parts) not in {2, 3} or not re.fullmatch(r"[0-9]{1,9}", count):
         raise InputError(f"{place}: {text!r} is not FROM:TO or FROM:TO:COUNT; write for example {example}")
