@@ -15,7 +15,7 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def page(folder):
+def page(solved_folder):
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
@@ -25,7 +25,7 @@ def page(folder):
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
     driver.set_page_load_timeout(60)
-    yield driver, folder
+    yield driver, solved_folder
     driver.quit()
 
 

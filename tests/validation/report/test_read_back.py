@@ -21,17 +21,17 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=False)
 
 
 @pytest.mark.slow
-def test_a_report_reads_back_as_the_object_that_wrote_it(evaluation, tmp_path):
-    report = evaluation.report
+def test_a_report_reads_back_as_the_object_that_wrote_it(solved, tmp_path):
+    report = solved.report
     (tmp_path / "report.json").write_text(json_text(report))
     again = read_report(tmp_path / "report.json")
     assert again == report
     assert json_text(again) == json_text(report)
-    for mine, other in zip(again.campaign.cases, evaluation.campaign.cases, strict=True):
+    for mine, other in zip(again.campaign.cases, solved.campaign.cases, strict=True):
         assert mine.case == other.case
         np.testing.assert_array_equal(mine.reference.texel_forces, other.reference.texel_forces)
         assert mine.predictions["fast"].score == other.predictions["fast"].score
-    assert again.verdict.sentence == evaluation.verdict.sentence
+    assert again.verdict.sentence == solved.verdict.sentence
     other = dataclasses.replace(report, campaign=dataclasses.replace(report.campaign, interrupted=True))
     assert other != again
 
