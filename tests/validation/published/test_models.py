@@ -7,10 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshes import TexelArray
 from tests.validation.published.equations import EQUATIONS
 from tests.validation.published.equations.penetration import robwork_code
+from tests.validation.published.equations.table import integrate_texels
+from validation.campaign.case import Case
 from validation.published.model import foundation_stiffness
+from validation.published.models import choose_calibration
 from validation.published.rules import PUBLISHED
+from validation.published.rules.penetration import robwork_mask
+from validation.published.rules.pressure_map import half_space_shares
 
 
 def find_values(name):
@@ -23,8 +29,9 @@ def find_shipped(model):
 
 
 @pytest.mark.parametrize("name", EQUATIONS)
-def test_model_agrees_with_its_equation_by_hand(scene, name):
-    model = PUBLISHED[name]
+@pytest.mark.parametrize("which", ["scene", "oblong"])
+def test_model_agrees_with_its_equation_by_hand(request, which, name):
+    model, scene = PUBLISHED[name], request.getfixturevalue(which)
     values = find_values(name)
     texels, outside = model.predict(scene, **values)
     expected = np.asarray(EQUATIONS[name].equation(scene, **values))
@@ -107,3 +114,49 @@ def test_stiffness_of_a_foundation_is_that_under_uniform_pressure(bonded):
     assert model.find_shipped(bonded(0.5)) is None
     assert model.find_shipped(bonded(0.25)) == {"stiffness": pytest.approx(6e8)}
     assert PUBLISHED["penalty"].find_shipped(bonded(0.5)) == {"stiffness": 5000.0}
+
+
+@pytest.mark.parametrize("width", [0.4, 0.7, 1.0, 1.6])
+def test_the_mask_of_robworksim_is_wider_by_its_factor(width):
+    """Weights max(0, 1.224 / (1 + r^2) - 0.348) at 15 x 15 samples, summed over 5 x 5 of them, by loops."""
+    blocks = np.zeros((3, 3))
+    for i in range(15):
+        for j in range(15):
+            x, y = (4 * (k / 15 - 0.5) / width for k in (i, j))
+            blocks[i // 5, j // 5] += max(0.0, 1.224299065420561 / (1 + x * x + y * y) - 0.3476635514018692)
+    np.testing.assert_allclose(robwork_mask(width), blocks / blocks.sum(), rtol=1e-12)
+
+
+def test_a_mask_without_width_moves_no_force():
+    np.testing.assert_array_equal(robwork_mask(1e-3), [[0, 0, 0], [0, 1, 0], [0, 0, 0]])
+
+
+@pytest.mark.parametrize("depth", [0.3e-3, 2e-3])
+def test_shares_of_a_half_space_are_boussinesqs_pressure_over_the_texels(oblong, depth):
+    points = np.array([[-1.2e-3, 0.4e-3], [3.1e-3, 5.0e-3]])
+    found = half_space_shares(oblong.array, points, depth)
+    expected = integrate_texels(
+        oblong, points, lambda r: 3 * depth**3 / (2 * np.pi * (r**2 + depth**2) ** 2.5), count=120
+    )
+    np.testing.assert_allclose(found, expected, atol=2e-3 * expected.max())
+    wide = TexelArray.grid(1, 1, 1.0)  # one texel of a metre takes all
+    np.testing.assert_allclose(half_space_shares(wide, points, depth), 1.0, rtol=1e-6)
+
+
+def test_calibration_presses_are_placed_by_the_pitch_and_never_scored():
+    array = TexelArray.grid(4, 3, (2e-3, 3e-3))
+    found = choose_calibration(array, ())
+    assert [(each.shape, each.load) for each in found] == [
+        ("sphere:radius=6mm", 3.0), ("cylinder:radius=3.5mm", 2.0), ("sphere:radius=10mm", 1.0),
+    ]  # fmt: skip
+    places = [each.pose.at for each in found]
+    np.testing.assert_allclose(places, [(0.7e-3, 0.45e-3), (-0.6e-3, 1.2e-3), (-1.8e-3, -4.8e-3)])
+    scored = Case.read("x", "cylinder:radius=3.5mm", "9 N", at="1mm,1mm")
+    assert [each.shape for each in choose_calibration(array, (scored,))] == ["sphere:radius=6mm", "sphere:radius=10mm"]
+
+
+def test_stiffnesses_of_layers_are_in_series(bonded):
+    """1.2 E / h of nu = 0.25 and E (1 - nu) / ((1 + nu) (1 - 2 nu)) = 2.14 E of nu = 0.4."""
+    thin, thick = bonded(0.25, thickness=1e-3, youngs_modulus=2e6), bonded(0.4, thickness=3e-3, youngs_modulus=5e5)
+    both = dataclasses.replace(thin, layers=(*thin.layers, *thick.layers))
+    assert foundation_stiffness(both) == pytest.approx(1 / (1e-3 / 2.4e6 + 3e-3 / (5e5 * 0.6 / (1.4 * 0.2))))

@@ -3,7 +3,16 @@
 import numpy as np
 
 from tests.exact.point_response import point_response_spline
-from tests.validation.published.equations.table import COLUMNS, PITCH, ROWS, equation, gaussian, near, place, spread
+from tests.validation.published.equations.table import (
+    COLUMNS,
+    ROWS,
+    equation,
+    gaussian,
+    integrate_texels,
+    near,
+    place,
+    spread,
+)
 
 
 @equation("report-0.5-3x3")
@@ -25,22 +34,16 @@ def binned(scene):
 
 @equation("schunk", conserves=False, counts_per_newton=350.0, most_counts=60.0)
 def schunk(scene, counts_per_newton, most_counts):
-    return np.minimum(spread(binned(scene), near(lambda _: 1 / 9)) * counts_per_newton, most_counts) / counts_per_newton
+    return (
+        np.minimum(spread(binned(scene), near(lambda *_: 1 / 9)) * counts_per_newton, most_counts) / counts_per_newton
+    )
 
 
 @equation("robworksim-2010")
 def robwork_paper(scene):
-    fine = (np.arange(40) + 0.5) / 40 * PITCH - PITCH / 2
-    x, y = np.meshgrid(fine, fine)
-    response = point_response_spline(scene.cover, 12e-3)
-    out = np.zeros(scene.array.count)
-    for i in range(out.size):
-        for point, push in zip(
-            scene.contacts.points, scene.contacts.forces * scene.contacts.normals[:, 2], strict=True
-        ):
-            away = place(i) - point[:2]
-            out[i] += push * response(np.hypot(x + away[0], y + away[1])).mean() * PITCH**2
-    return out
+    response = point_response_spline(scene.cover, 14e-3)
+    pushes = scene.contacts.forces * scene.contacts.normals[:, 2]
+    return integrate_texels(scene, scene.contacts.points[:, :2], response, 40) @ pushes
 
 
 @equation("gazebo-ros-tactile", conserves=False, distance=1.5e-3, angle=0.5, least_force=0.05)
@@ -49,7 +52,7 @@ def gazebo(scene, distance, angle, least_force):
     for point, normal, force in zip(*scene.contacts[:3], strict=True):
         weights = np.array(
             [
-                np.exp(-((place(i) - point[:2]) ** 2).sum() / (2 * distance**2))
+                np.exp(-((place(scene, i) - point[:2]) ** 2).sum() / (2 * distance**2))
                 * np.exp(-((1 - normal[2]) ** 2) / (2 * angle**2))
                 for i in range(out.size)
             ]
@@ -60,11 +63,12 @@ def gazebo(scene, distance, angle, least_force):
 
 @equation("touch-grid")
 def touch_grid(scene, field_of_view):
-    back = ROWS * PITCH / 2 / np.tan(np.radians(field_of_view))
-    half_x, half_y = np.arctan(COLUMNS * PITCH / 2 / back), np.radians(field_of_view)
+    wide, high = COLUMNS * scene.array.pitch[0] / 2, ROWS * scene.array.pitch[1] / 2
+    back = max(wide, high) / np.tan(np.radians(field_of_view))
+    half_x, half_y = np.arctan(wide / back), np.arctan(high / back)
     out = np.zeros(scene.array.count)
-    for (x, y, _), push in zip(scene.plate.points, scene.plate.forces * scene.plate.normals[:, 2], strict=True):
-        azimuth, elevation = np.arctan2(x, back), np.arctan2(y, np.hypot(x, back))
+    for (x, y, z), push in zip(scene.plate.points, scene.plate.forces * scene.plate.normals[:, 2], strict=True):
+        azimuth, elevation = np.arctan2(x, back + z), np.arctan2(y, np.hypot(x, back + z))
         column = int((azimuth + half_x) // (2 * half_x / COLUMNS))
         row = int((elevation + half_y) // (2 * half_y / ROWS))
         out[row * COLUMNS + column] += push

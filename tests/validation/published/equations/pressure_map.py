@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.exact.point_response import point_response_spline
-from tests.validation.published.equations.table import PITCH, equation, place, sink
+from tests.validation.published.equations.table import area, equation, integrate_texels, place, sink
 
 
 def pressed(scene, stiffness):
@@ -12,8 +12,8 @@ def pressed(scene, stiffness):
 
 def sample(scene, forces, sigma):
     return [
-        PITCH**2
-        * (forces * np.exp(-((scene.map.points - place(i)) ** 2).sum(axis=1) / (2 * sigma**2))).sum()
+        area(scene)
+        * (forces * np.exp(-((scene.map.points - place(scene, i)) ** 2).sum(axis=1) / (2 * sigma**2))).sum()
         / (2 * np.pi * sigma**2)
         for i in range(scene.array.count)
     ]
@@ -33,13 +33,7 @@ def pezzementi_depth(scene, stiffness, sigma):
 def integrate(scene, stiffness, pressure):
     """Integrate the response to a uniform contact pressure over each texel by the midpoint rule."""
     points = scene.map.points[pressed(scene, stiffness) > 0]
-    fine = (np.arange(24) + 0.5) / 24 * PITCH - PITCH / 2
-    x, y = (each.ravel() for each in np.meshgrid(fine, fine))
-    out = np.zeros(scene.array.count)
-    for i in range(out.size):
-        away = place(i) - points
-        out[i] = pressure(np.hypot(x + away[:, :1], y + away[:, 1:])).sum() * (PITCH / 24) ** 2
-    return 2.0 * out / len(points)
+    return 2.0 * integrate_texels(scene, points, pressure).sum(axis=1) / len(points)
 
 
 @equation("shimojo-1994", stiffness=2e9, depth=1.1e-3)

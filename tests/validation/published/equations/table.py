@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-ROWS, COLUMNS, PITCH = 4, 3, 2e-3
+ROWS, COLUMNS = 4, 3
 EQUATIONS = {}
 
 
@@ -25,9 +25,25 @@ def equation(name, *, conserves=True, **values):
     return enter
 
 
-def place(index):
+def place(scene, index):
     row, column = divmod(index, COLUMNS)
-    return np.array([(column - 1) * PITCH, (row - 1.5) * PITCH])
+    return np.array([(column - 1) * scene.array.pitch[0], (row - 1.5) * scene.array.pitch[1]])
+
+
+def area(scene):
+    return scene.array.pitch[0] * scene.array.pitch[1]
+
+
+def integrate_texels(scene, points, pressure, count=24):
+    """Integrate pressures around points over each texel, which may be smaller than a pitch, by the midpoint rule."""
+    wide, high = scene.array.texel_size
+    steps = (np.arange(count) + 0.5) / count - 0.5
+    x, y = (each.ravel() for each in np.meshgrid(wide * steps, high * steps))
+    out = np.zeros((scene.array.count, len(points)))
+    for i in range(len(out)):
+        away = place(scene, i) - points
+        out[i] = pressure(np.hypot(x + away[:, :1], y + away[:, 1:])).mean(axis=1) * wide * high
+    return out
 
 
 def spread(forces, weight):
@@ -48,7 +64,7 @@ def gaussian(sigma, ksize_x, ksize_y):
 
 
 def near(value):
-    return lambda x, y: value(np.hypot(x, y)) if max(abs(x), abs(y)) <= 1 else 0.0
+    return lambda x, y: value(x, y) if max(abs(x), abs(y)) <= 1 else 0.0
 
 
 def sink(gaps, load, law):
