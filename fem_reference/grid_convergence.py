@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from meshes.array_types import FloatArray
+
 #: Safety factor on the estimated error of results that converge monotonically with an order in the accepted range;
 #: value of Roache (1994) [-].
 _SAFETY = 1.25
@@ -87,6 +89,48 @@ def field_convergence(values: npt.ArrayLike, sizes: Sequence[float], *, least: f
         fine = max(fine, float(differences[0]) / _predict_ratio(most, sizes))
         order = _find_order(float(differences[0]) / fine, sizes, least, most)
     return float(_SAFETY * fine / ((sizes[-2] / sizes[-1]) ** order - 1))
+
+
+def texel_convergence(
+    values: npt.ArrayLike, sizes: Sequence[float], *, least: float = 1.0, most: float = 4.0
+) -> FloatArray:
+    """Estimate the discretisation error of every texel force on the finest of three grids.
+
+    The sums of the absolute differences between the grids give one order, safety factor and error for all texels
+    together, by `grid_convergence`.  Each texel gets its part of this error: the larger one of its shares of the two
+    sums.
+
+    Args:
+        values: Forces on n texels on each grid, coarsest first, shape (3, n).
+        sizes: Element sizes of the grids in the same order, descending.
+        least: Smallest order of convergence that is accepted [-].
+        most: Largest order of convergence that is accepted [-].
+
+    Returns:
+        Estimated absolute errors of the finest values, shape (n,), in their unit.
+
+    Raises:
+        ValueError: As for `grid_convergence`.
+    """
+    table = np.asarray(values, dtype=float)
+    change = np.abs(np.diff(table, axis=0))
+    sums = change.sum(axis=1)
+    whole = grid_convergence([0.0, *sums.cumsum()], sizes, least=least, most=most)
+    return np.asarray(whole * (change / np.maximum(sums, np.finfo(float).tiny)[:, None]).max(axis=0))
+
+
+def pool_errors(errors: FloatArray, values: FloatArray) -> FloatArray:
+    """Raise the errors of n values to at least the mean relative error of all, so that none vanishes by chance.
+
+    The mean relative error is the sum of the errors over the sum of the magnitudes of the values.
+
+    Args:
+        errors: Absolute errors, shape (n,), in the unit of the values.
+        values: Values, shape (n,).
+    """
+    size = np.abs(values)
+    mean = float(errors.sum()) / max(float(size.sum()), np.finfo(float).tiny)
+    return np.asarray(np.maximum(errors, mean * size))
 
 
 def _predict_ratio(order: float, sizes: Sequence[float]) -> float:

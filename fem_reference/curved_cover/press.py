@@ -39,7 +39,7 @@ from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part, report
-from fem_reference.grid_convergence import field_convergence
+from fem_reference.grid_convergence import field_convergence, pool_errors
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.result import (
     Indentation,
@@ -197,7 +197,7 @@ def press_small(meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressPro
         target: Load [N] or depth [m].
     """
     mesh, texels = meshes[-1], problem.array
-    contact, texel_forces, depth, errors = _press_meshes(meshes, layers, problem, target)
+    contact, texel_forces, texel_errors, depth, errors = _press_meshes(meshes, layers, problem, target)
     share = depth / measure_thickness(mesh)
     large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
     carried = _carry(mesh, layers, contact.nodal)
@@ -210,9 +210,11 @@ def press_small(meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressPro
     ):
         errors[name] += shape_error(mesh, depth) / part
     active = np.where(texels.active, texel_forces, 0.0)
+    texel_errors += np.abs(active) * shape_error(mesh, depth) / 2
     return Indentation(
         **carried,
         texel_forces=active,
+        texel_errors=np.where(texels.active, pool_errors(texel_errors, active), 0.0),
         total_force=contact.load,
         unmeasured=base_force + active @ texels.normals,
         balance=measure_balance(force, base_force),
@@ -254,12 +256,12 @@ def _carry(mesh: SolidMesh, layers: Layers, nodal: FloatArray) -> dict[str, Any]
 
 def _press_meshes(
     meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressProblem, target: float
-) -> tuple[CellContact, FloatArray, float, dict[str, float]]:
+) -> tuple[CellContact, FloatArray, FloatArray, float, dict[str, float]]:
     """Solve the contact without friction on every mesh.
 
     Returns:
-        Contact, forces on the texels [N] and depth [m] on the finest mesh, extrapolated to cells of size zero, and
-        estimated relative errors by name.
+        Contact, forces on the texels and their estimated errors [N], and depth [m] on the finest mesh, extrapolated to
+        cells of size zero, and estimated relative errors by name.
     """
     control, responses = problem.control, texel_responses(meshes, problem.array, layers, progress=problem.progress)
     found, texel_forces, depths = [], [], []
@@ -279,6 +281,9 @@ def _press_meshes(
     factor = 1 + more * (contact.load - rough.load) / contact.load
     unsure = more * np.abs(grid.texel_forces(contact.nodal / contact.load - rough.nodal / rough.load)) / 2
     share = np.abs(texel_forces[-1]).max(initial=np.finfo(float).tiny) / contact.load
+    changes = np.abs(texel_forces[-1] - texel_forces[0 if len(meshes) == 1 else -2])
+    parts = changes / np.maximum(changes.max(), np.finfo(float).tiny)
+    texel_errors = contact.load * (errors["peak_texel"] * share * parts + unsure)
     errors["peak_texel"] += float(unsure.max() / share)
     errors["misplaced_force"] += float(unsure.sum()) / 2
     errors["depth"] += abs(moved) / depths[-1] / 2
@@ -291,7 +296,7 @@ def _press_meshes(
         load=factor * contact.load,
         travel=contact.travel + moved,
     )
-    return contact, factor * texel_forces[-1], depths[-1] + moved, errors
+    return contact, factor * texel_forces[-1], texel_errors, depths[-1] + moved, errors
 
 
 def _begin(mesh: SolidMesh, layers: Layers, problem: PressProblem, target: float, cells: int) -> CellPress:
@@ -577,21 +582,25 @@ def _combine(
     texel_forces = np.where(texels.active, accurate.texel_forces / accurate.total_force + shares[-1], 0.0) * load
     safety = _SETTINGS.safety if rough is None else _SETTINGS.sticking
     peak, whole = float(np.abs(texel_forces).max()) / load, abs(float(texel_forces.sum())) / load
+    unsure = _estimate_effect(shares, safety)
     added = {
-        "peak_texel": _estimate_effect(shares, safety) / peak,
-        "misplaced_force": _estimate_effect(shares, safety, summed=True) / 2,
-        "texel_sum": _estimate_effect(shares.sum(axis=1), safety) / whole,
-        "depth" if by_load else "total_force": _estimate_effect(stiffer - 1, safety),
-        "contact_area": _estimate_effect(wider - 1, safety),
+        "peak_texel": float(unsure.max()) / peak,
+        "misplaced_force": float(unsure.sum()) / 2,
+        "texel_sum": float(_estimate_effect(shares.sum(axis=1), safety)) / whole,
+        "depth" if by_load else "total_force": float(_estimate_effect(stiffer - 1, safety)),
+        "contact_area": float(_estimate_effect(wider - 1, safety)),
     }
     if rough is not None:
         share, stiff, wide = _compare(*rough)
         change = np.abs(share - shares[-1])
+        unsure = unsure + change
         added["peak_texel"] += float(change.max()) / peak
         added["misplaced_force"] += float(change.sum()) / 2
         added["texel_sum"] += abs(float((share - shares[-1]).sum())) / whole
         added["depth" if by_load else "total_force"] += abs(stiff - stiffer[-1])
         added["contact_area"] += abs(wide - wider[-1])
+    small = np.asarray(accurate.texel_errors, dtype=float) / accurate.total_force
+    unsure = pool_errors((small + unsure) * load, texel_forces)
     errors = {name: error + added.get(name, 0.0) for name, error in accurate.error_estimate.items()}
     kept = [each for each in accurate.warnings if each not in warn_of_errors(accurate.error_estimate)]
     forces = ("force", "moment", "base_force", "base_moment", "contact_forces")
@@ -600,6 +609,7 @@ def _combine(
         accurate,
         **(last.arrays | scaled),
         texel_forces=texel_forces,
+        texel_errors=np.where(texels.active, unsure, 0.0),
         unmeasured=scaled["base_force"] + texel_forces @ texels.normals,
         total_force=load,
         balance=measure_balance(scaled["force"], scaled["base_force"]),
@@ -618,16 +628,17 @@ def _compare(small: _Full, full: _Full) -> tuple[FloatArray, float, float]:
     return shares, (full.load / full.depth) / (small.load / small.depth), full.area / small.area
 
 
-def _estimate_effect(values: FloatArray, safety: float, *, summed: bool = False) -> float:
+def _estimate_effect(values: FloatArray, safety: float) -> FloatArray:
     """Estimate the error of the effect of finite strain or of friction on the finest mesh.
 
     Args:
         values: Effect on one or n quantities on each mesh on which it was solved, coarsest first, shape
             (meshes,) or (meshes, n).
         safety: Safety factor on the difference between the two finest meshes [-].
-        summed: Whether to return the sum of the errors of the n quantities instead of the largest error.
+
+    Returns:
+        Errors, shape () or (n,).
     """
-    size = np.sum if summed else np.max
     if len(values) == 1:
-        return _SETTINGS.one_mesh * float(size(np.abs(values)))
-    return safety * float(size(np.abs(values[-1] - values[-2])))
+        return np.asarray(_SETTINGS.one_mesh * np.abs(values[0]))
+    return np.asarray(safety * np.abs(values[-1] - values[-2]))

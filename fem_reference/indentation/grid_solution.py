@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.finite_strain.loading_path import Control
-from fem_reference.grid_convergence import grid_convergence
+from fem_reference.grid_convergence import grid_convergence, texel_convergence
 from fem_reference.linear_response.point_spread import PointSpread
 from meshes import TexelArray
 from meshes.array_types import FloatArray
@@ -53,6 +53,15 @@ class Base(ABC):
             share: Force on the texel over the force on the indenter [-].
         """
         return 0.0
+
+    def texel_errors(self, place: Place, shares: FloatArray) -> FloatArray:  # noqa: ARG002 -- none by default
+        """Estimate the errors of all forces due to a computed response of the base, over the force on the indenter [-].
+
+        Args:
+            place: Array, and pose of the indenter.
+            shares: Forces on n texels and outside over the force on the indenter, shape (n + 1,) [-].
+        """
+        return np.zeros_like(shares)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,6 +103,10 @@ class BaseSum(Base):
     def estimate_error(self, place: Place, texel: int, share: float) -> float:
         """Estimate the relative error of the force on a texel as that of the load `like`, see `Base.estimate_error`."""
         return 0.0 if self.like is None else self.like.estimate_error(place, texel, share)
+
+    def texel_errors(self, place: Place, shares: FloatArray) -> FloatArray:
+        """Estimate the errors of all forces as those of the load `like`, see `Base.texel_errors`."""
+        return np.zeros_like(shares) if self.like is None else self.like.texel_errors(place, shares)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,20 +203,46 @@ class GridStudy:
             grids: Solutions of one target, coarsest grid first.
             quantity: Function that returns the quantity of a solution.
         """
-        values, sizes = [float(quantity(each)) for each in grids], [each.size for each in grids]
-        result = float(self.combine(grids, quantity))
+        values, result = [float(quantity(each)) for each in grids], float(self.combine(grids, quantity))
         if result == 0:
             return 0.0
-        if self.extrapolate and weigh_grids(grids)[1]:
-            coarse, middle, _ = sizes
-            before = values[1] + (values[1] - values[0]) * middle / (coarse - middle)
-            error = max(_SAFETY * abs(result - before), _LEAST_SHARE * abs(result - values[2]))
-        elif self.edge_safety:
-            elements = abs(values[2] - values[1]) * sizes[2] / (sizes[1] - sizes[2])
-            error = self.edge_safety * abs(values[1] - values[0]) + _SAFETY * elements
-        else:
-            error = grid_convergence(values, sizes, least=self.least_order, most=self.most_order)
+        found = self._compare_extrapolated(grids, values, result)
+        sizes = [each.size for each in grids]
+        error = (
+            grid_convergence(values, sizes, least=self.least_order, most=self.most_order)
+            if found is None
+            else float(found)
+        )
         return max(error / abs(result), self.least_error)
+
+    def texel_errors(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], FloatArray]) -> FloatArray:
+        """Estimate the discretisation errors of `combine(grids, quantity)` for n forces, shape (n,) [N].
+
+        The rules are those of `estimate_error`, with one order of convergence for all (`texel_convergence`).
+
+        Args:
+            grids: Solutions of one target, coarsest grid first.
+            quantity: Function that returns the forces of a solution, shape (n,) [N].
+        """
+        values, result = [np.asarray(quantity(each)) for each in grids], self.combine(grids, quantity)
+        error = self._compare_extrapolated(grids, values, result)
+        if error is None:
+            sizes = [each.size for each in grids]
+            error = texel_convergence(values, sizes, least=self.least_order, most=self.most_order)
+        return np.asarray(np.maximum(error, self.least_error * np.abs(result)))
+
+    def _compare_extrapolated(
+        self, grids: Sequence[GridSolution], values: Sequence[npt.ArrayLike], result: npt.ArrayLike
+    ) -> FloatArray | None:
+        """Estimate the errors of extrapolated or alternately refined values; None if neither is the case."""
+        (first, second, third), sizes = map(np.asarray, values), [each.size for each in grids]
+        if self.extrapolate and weigh_grids(grids)[1]:
+            before = second + (second - first) * sizes[1] / (sizes[0] - sizes[1])
+            return np.asarray(np.maximum(_SAFETY * np.abs(result - before), _LEAST_SHARE * np.abs(result - third)))
+        if self.edge_safety:
+            elements = np.abs(third - second) * sizes[2] / (sizes[1] - sizes[2])
+            return np.asarray(self.edge_safety * np.abs(second - first) + _SAFETY * elements)
+        return None
 
 
 def estimate_spread(values: Sequence[float]) -> float:

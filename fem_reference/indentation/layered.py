@@ -28,6 +28,7 @@ from fem_reference.errors import (
     UnsupportedError,
 )
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, report
+from fem_reference.grid_convergence import pool_errors
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
     GridSolution,
@@ -451,6 +452,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         "contact_area": _estimate_area_error(study, grids, path)
     }
     errors["peak_texel"] += abs(balance)
+    texel_errors = _estimate_texels(study, number, base_forces, place, (balance, errors["peak_texel"]))
     errors["total_force" if by_load else "depth"] = 0.0
     scale = total / finest.contact[:, 2].sum()
     depth = float(study.combine(grids, lambda each: each.depth))
@@ -459,13 +461,13 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     known: dict[str, str] = {}
     if fields is not None:
         fields = replace(fields, error=_measure_fields(fields, finest, path, place, depth))
-        known = {
-            "fields": f"at its worst point the touched surface is {fields.error:.2%} of the depth off the indenter"
-        }
+        known["fields"] = f"at its worst point the touched surface is {fields.error:.2%} of the depth off the indenter"
     shear = forces[:, :2].sum(axis=0)
     return Indentation(
         texel_forces=texel_forces,
         outside=outside,
+        texel_errors=texel_errors[:-1],
+        outside_error=float(texel_errors[-1]),
         total_force=total,
         force=np.array([*shear, -total]),
         moment=np.cross(points, forces).sum(axis=0),
@@ -482,12 +484,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         assumptions=state_assumptions(path.cover, path.indenter, finest.depth, path.friction)
         | study.assumptions
         | known,
-        warnings=(
-            *warn_of_errors(errors),
-            *_warn(path, balance, finest.depth),
-            *study.warnings,
-            *missing,
-        ),
+        warnings=(*warn_of_errors(errors), *_warn(path, balance, finest.depth), *study.warnings, *missing),
         seconds=seconds + time.perf_counter() - started,
         grid_values={
             name: tuple(float(quantity(each)) for each in grids)
@@ -602,6 +599,38 @@ def _estimate_errors(
         share = quantities["peak_texel"](grids[-1]) / grids[-1].total_force
         errors["peak_texel"] += grids[-1].base.estimate_error(place, peak, share)
         part = part.accurate
+    return errors
+
+
+def _estimate_texels(
+    study: GridStudy,
+    number: int,
+    base_forces: Callable[[GridSolution], FloatArray],
+    place: Place,
+    known: tuple[float, float],
+) -> FloatArray:
+    """Estimate the errors of the forces on n texels and outside them, with the parts of `_estimate_errors` [N].
+
+    Args:
+        study: Solutions of every target, and properties of the three grids.
+        number: Index of the target.
+        base_forces: Function that returns the forces of a solution, shape (n + 1,) [N].
+        place: Array, and pose of the indenter.
+        known: Relative error that all have, the imbalance of the forces, and that of the largest texel force [-].
+    """
+    overlap = max(study.solutions[number][-1].overlap, study.least_overlap)
+    size = np.abs(study.combine(study.solutions[number], base_forces))
+    errors = (_FORCE_PER_OVERLAP * overlap + abs(known[0])) * size
+    part: GridStudy | None = study
+    while part is not None:
+        grids = part.solutions[number]
+        load = grids[-1].total_force
+        response = load * grids[-1].base.texel_errors(place, base_forces(grids[-1]) / load)
+        errors = errors + part.texel_errors(grids, base_forces) + response
+        part = part.accurate
+    errors[:-1] = pool_errors(errors[:-1], size[:-1])
+    peak = size[:-1].argmax()
+    errors[peak] = max(errors[peak], known[1] * size[peak])
     return errors
 
 

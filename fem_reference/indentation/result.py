@@ -64,6 +64,10 @@ class Indentation:
         outside: Force on the base of layers outside the active texels, computed independently of the load [N].  In
             three dimensions at finite strain or with friction it is the whole base reaction minus `texel_forces`.  On a
             solid it is 0; see `unmeasured`.
+        texel_errors: Estimated errors of `texel_forces`, half widths of their 95 % intervals, shape (n,) [N].  A texel
+            whose force changes little between the grids by chance gets the mean relative error of all.  NaN with one
+            mesh; None if the solver estimates none.
+        outside_error: The same for `outside` [N].
         total_force: Force on the indenter along its motion [N].
         force: Force of the indenter on the cover, shape (3,) [N].
         moment: Moment of `force` about the origin, shape (3,) [N m].
@@ -100,6 +104,8 @@ class Indentation:
 
     texel_forces: FloatArray
     outside: float = 0.0
+    texel_errors: FloatArray | None = None
+    outside_error: float = 0.0
     total_force: float
     force: FloatArray
     moment: FloatArray

@@ -14,7 +14,7 @@ import numpy as np
 
 from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, report
-from fem_reference.grid_convergence import grid_convergence
+from fem_reference.grid_convergence import grid_convergence, texel_convergence
 from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_to_target
 from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.point_spread import TexelInfluence, superpose
@@ -138,13 +138,27 @@ class PressedCells(Base):
 
     def estimate_error(self, place: Place, texel: int, share: float) -> float:
         """Estimate the error of a texel force from the base response on three grids, see `Base.estimate_error`."""
-        force = self.contact[:, 2].sum()
-        forces = [superpose(self.contact, each, place.array, place.pose) for each in self.response.on_grids[:-1]]
-        coarse = [float(each[texel] / force) for each in forces]
+        coarse = [float(each[texel]) for each in _superpose_coarse(self, place)]
         # Values that do not converge monotonically say nothing about the order of convergence.
         steps = np.diff([*coarse, share])
         most = 4.0 if steps.prod() > 0 else self.response.unsure_order
         return grid_convergence([*coarse, share], self.response.sizes, most=most) / abs(share) if share else 0.0
+
+    def texel_errors(self, place: Place, shares: FloatArray) -> FloatArray:
+        """Estimate the errors of all forces from the base response on three grids, see `Base.texel_errors`."""
+        table = np.array([*_superpose_coarse(self, place), shares])
+        most = 4.0 if np.diff(table, axis=0).prod(axis=0).sum() > 0 else self.response.unsure_order
+        return texel_convergence(table, self.response.sizes, most=most)
+
+
+@lru_cache(maxsize=2)
+def _superpose_coarse(pressed: PressedCells, place: Place) -> list[FloatArray]:
+    """Superpose the responses on the two coarser grids, for all forces over that on the indenter, (n + 1,) each [-]."""
+    contact = pressed.contact
+    return [
+        superpose(contact, each, place.array, place.pose) / contact[:, 2].sum()
+        for each in pressed.response.on_grids[:-1]
+    ]
 
 
 def build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfluence) -> GridSolution:

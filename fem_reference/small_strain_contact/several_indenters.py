@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fem_reference.grid_convergence import pool_errors, texel_convergence
 from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.point_spread import superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
@@ -71,7 +72,10 @@ class SeveralIndentations:
 
     Attributes:
         texel_forces: Normal force on each of n texels, shape (n,) [N].
+        texel_errors: Estimated errors of `texel_forces`: their changes between the two grids, but at least the mean
+            relative change of all, plus the error of the base response, shape (n,) [N].
         outside: Force on the base outside the active texels, computed independently of the loads [N].
+        outside_error: The same error of `outside` [N].
         depths: Approach of each indenter from first touch, at its axis, shape (bodies,) [m].
         slopes: Tilts of each indenter as slopes along x and along y, shape (bodies, 2) [-].
         contact: Columns x, y in the frame of the array [m] and force [N] of the m cells in contact, shape (m, 3).
@@ -81,7 +85,9 @@ class SeveralIndentations:
     """
 
     texel_forces: FloatArray
+    texel_errors: FloatArray
     outside: float
+    outside_error: float
     depths: FloatArray
     slopes: FloatArray
     contact: FloatArray
@@ -117,12 +123,16 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     # The error of the forces is proportional to the cell size, so they are extrapolated to cell size zero.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]
+    bases = [superpose(contact, each, array, Pose()) for each in spread.on_grids]
+    errors = np.abs(fine - coarse) + texel_convergence(bases, spread.sizes)
     load, change, peak = sum(body.load for body in bodies), np.abs(fine - coarse)[:-1], int(fine[:-1].argmax())
     areas = [len(each) * (cover.thickness / count) ** 2 for (each, _), count in zip(solved, CELLS, strict=True)]
     depths = [float(each[:, 0].max()) for _, each in solved]
     return SeveralIndentations(
         texel_forces=forces[:-1],
+        texel_errors=pool_errors(errors[:-1], forces[:-1]),
         outside=float(forces[-1]),
+        outside_error=float(errors[-1]),
         depths=motion[:, 0],
         slopes=motion[:, 1:],
         contact=contact,

@@ -64,8 +64,10 @@ class Comparison:
         models: dict[str, Any] = {}
         if self.fem is not None and "fem" in self.models:
             mesh = self.fem.mesh
+            errors = self.fem.texel_errors
             models["fem"] = Reference.of(self.fem).as_json() | {
                 "texel_forces": image(self.fem.texel_forces),
+                "texel_errors": None if errors is None else image(errors),
                 "mesh": None if mesh is None else describe_mesh(mesh),
             }
         if self.fast is not None:

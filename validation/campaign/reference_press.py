@@ -112,7 +112,8 @@ def _press_bodies(cover: Cover | SolidCover, array: TexelArray, case: Case, fric
     force = np.array([0.0, 0.0, -case.load])
     measured = float(found.texel_forces.sum())
     return Indentation(
-        texel_forces=found.texel_forces, outside=found.outside, total_force=case.load, force=force, base_force=force,
+        texel_forces=found.texel_forces, outside=found.outside, texel_errors=found.texel_errors,
+        outside_error=found.outside_error, total_force=case.load, force=force, base_force=force,
         moment=np.cross(points, pushes).sum(axis=0), unmeasured=np.array([0.0, 0.0, measured - case.load]),
         balance=(measured + found.outside) / case.load - 1, depth=float(found.depths.max()),
         contact_area=found.contact_area, contact_points=points, contact_forces=pushes,

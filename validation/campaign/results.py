@@ -61,6 +61,8 @@ class Reference(Result):
         base_force: Force of the cover on the base, shape (3,) [N].
         base_moment: Moment of `base_force` about the origin, shape (3,) [N m]; None on flat covers.
         unmeasured: Part of the base force that no texel measures, shape (3,) [N].
+        texel_errors: Estimated errors of `texel_forces`, half widths of 95 % intervals, shape (n,) [N].
+        outside_error: The same for `outside` [N].
         found: Complete result of the solver; None in a result that was read from a file.
     """
 
@@ -81,6 +83,8 @@ class Reference(Result):
     base_force: Array | None = None
     base_moment: Array | None = None
     unmeasured: Array | None = None
+    texel_errors: Array | None = None
+    outside_error: Number | None = None
     found: Annotated[Any, Unread()] = Field(default=None, exclude=True)
 
     @classmethod
