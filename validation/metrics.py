@@ -2,9 +2,10 @@
 
 The reference is the finite-element solution of the same indentation, or another sensor model. `score` compares the
 texel forces of one case (an indentation) by every metric. `score_images` compares the grey levels of two images,
-because recordings of real sensors hold no forces. `validation.campaign.results` averages scores over cases.  Force
-arrays have one entry per texel, shape (n,) for n texels [N].  Errors are fractions unless the name ends in percent.
-Lengths are in metres.
+because recordings of real sensors hold no forces.  The metrics that need numpy alone are in
+`validation.campaign.texel_metrics`, and `validation.campaign.results` averages scores over cases.  Force arrays have
+one entry per texel, shape (n,) for n texels [N].  Errors are fractions unless the name ends in percent.  Lengths are in
+metres.
 
 Conventions:
 
@@ -29,10 +30,17 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import WHITE, WTS_0614_34, Electronics, grey_levels
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
+from validation.campaign.texel_metrics import (
+    AREA_THRESHOLD,
+    active_area_iou,
+    centre_of_pressure_error,
+    misplaced_force,
+    peak_error,
+    second_moments,
+    total_force_error,
+)
+from validation.campaign.wasserstein import wasserstein
 from validation.results import Column, Number, Result, columns, result_model
-
-#: Threshold of the areas that `active_area_iou` compares: force over the largest texel force of the reference [-].
-AREA_THRESHOLD = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,106 +202,10 @@ def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.
     )
 
 
-# --- Single metrics.  The arguments `reference` and `forces` hold the forces on n active texels, shape (n,) [N]. ---
-
-
-def total_force_error(reference: FloatArray, forces: FloatArray, *, load: float) -> float:
-    """Return |sum f - sum r| / load, the error of the total force f against the reference r [-]."""
-    return float(abs(forces.sum() - reference.sum()) / _check_load(load))
-
-
-def misplaced_force(
-    reference: FloatArray, forces: FloatArray, *, reference_outside: float, outside: float, load: float
-) -> float:
-    """Return (sum |f - r| + |outside_f - outside_r|) / (2 load): the share of the load on a wrong texel [-].
-
-    The texel forces are f, the reference texel forces r.  A newton that moves from one texel to another changes two of
-    the differences; the sum is therefore divided by 2.
-    """
-    moved = np.abs(forces - reference).sum() + abs(outside - reference_outside)
-    return float(moved / (2 * _check_load(load)))
-
-
 def relative_l2(reference: FloatArray, forces: FloatArray) -> float:
     """Return |f - r| / |r| in the Euclidean norm for forces f and reference r; NaN if r is zero [-]."""
     norm = float(np.linalg.norm(reference))
     return float(np.linalg.norm(forces - reference)) / norm if norm > 0 else math.nan
-
-
-def peak_error(reference: FloatArray, forces: FloatArray) -> float:
-    """Return |max f - max r| / max r for forces f and reference r; NaN if no reference force is positive [-]."""
-    peak = float(reference.max())
-    return abs(float(forces.max()) - peak) / peak if peak > 0 else math.nan
-
-
-def centre_of_pressure(forces: FloatArray, positions: FloatArray) -> FloatArray:
-    """Return the force-weighted mean of the texel centres, shape (d,) for d coordinates [m].
-
-    The coordinates are NaN if the sum of the forces is not positive.
-    """
-    total = float(forces.sum())
-    if total <= 0:
-        return np.full(positions.shape[1], np.nan)
-    return np.asarray(forces @ positions / total, dtype=np.float64)
-
-
-def centre_of_pressure_error(reference: FloatArray, forces: FloatArray, positions: FloatArray) -> float:
-    """Return the distance between the centres of pressure of forces and reference [m]; NaN if either is undefined."""
-    apart = centre_of_pressure(forces, positions) - centre_of_pressure(reference, positions)
-    return float(np.linalg.norm(apart))
-
-
-def second_moments(forces: FloatArray, positions: FloatArray) -> tuple[float, float]:
-    """Return the root second central moments of the force distribution along x and y [m].
-
-    A moment is NaN if the sum of the forces is not positive.  It is zero where negative forces around one texel would
-    make its square negative.
-    """
-    total = float(forces.sum())
-    if total <= 0:
-        return (math.nan, math.nan)
-    apart = positions[:, :2] - centre_of_pressure(forces, positions)[:2]
-    x, y = (math.sqrt(max(value, 0.0)) for value in (forces @ apart**2 / total).tolist())
-    return (x, y)
-
-
-def active_area_iou(reference: FloatArray, forces: FloatArray, *, threshold: float) -> float:
-    """Return the intersection over union of the two sets of texels with a force above a threshold [-].
-
-    Args:
-        reference: Reference texel forces, shape (n,) [N].
-        forces: Predicted texel forces, shape (n,) [N].
-        threshold: Force above which a texel belongs to the set [N].
-
-    Returns:
-        Number of texels in both sets over number of texels in at least one set; 1 if both sets are empty [-].
-    """
-    r, f = reference > threshold, forces > threshold
-    either = np.count_nonzero(r | f)
-    return float(np.count_nonzero(r & f) / either) if either else 1.0
-
-
-def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray) -> float:
-    """Return the Wasserstein-1 distance of two force maps, clipped at zero and scaled to unit mass [m].
-
-    The result is NaN if one of the maps has no positive force.  Because the cost is a distance, mass that is common to
-    both maps need not move (Kantorovich-Rubinstein duality).  The exact linear programme therefore only transports mass
-    from texels with a surplus to texels with a deficit, and is much smaller.
-    """
-    from scipy.stats import wasserstein_distance_nd
-
-    r, f = np.maximum(reference, 0.0), np.maximum(forces, 0.0)
-    if r.sum() <= 0 or f.sum() <= 0:
-        return math.nan
-    difference = f / f.sum() - r / r.sum()
-    surplus, deficit = difference > 0, difference < 0
-    mass = float(difference[surplus].sum())
-    if mass < np.finfo(float).eps * len(r):
-        return 0.0
-    distance = wasserstein_distance_nd(
-        positions[surplus], positions[deficit], difference[surplus], -difference[deficit]
-    )
-    return mass * float(distance)
 
 
 # --- Grey levels of texel forces. --------------------------------------------------------------------------
@@ -350,9 +262,3 @@ def _check_finite(value: float, name: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{name} must be finite, not {value}")
     return value
-
-
-def _check_load(load: float) -> float:
-    if not (math.isfinite(load) and load > 0):
-        raise ValueError(f"the load must be positive, not {load} N")
-    return load

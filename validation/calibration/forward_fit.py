@@ -22,7 +22,7 @@ from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.model import CREEP_START, ContactMethod, CountCurve, Observations, Placement, Pose
 from validation.calibration.temperatures import describe_confounding, find_warmth, settle_temperatures
-from validation.metrics import centre_of_pressure
+from validation.campaign.texel_metrics import centre_of_pressure
 
 IntArray = npt.NDArray[np.intp]
 

@@ -28,6 +28,7 @@ from validation.calibration.forward_fit import ForwardFit
 from validation.calibration.model import ContactMethod, Placement, Pose
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
+from validation.campaign.texel_metrics import centre_of_pressure
 from validation.credibility.uncertainty import (
     ITERATION,
     ComparisonError,
@@ -36,7 +37,6 @@ from validation.credibility.uncertainty import (
     propagate_inputs,
 )
 from validation.data_sets.images import Image, observe
-from validation.metrics import centre_of_pressure
 
 #: Standard deviation of a uniform distribution over its width [-].
 _OF_WIDTH = 1 / math.sqrt(12)

@@ -28,8 +28,8 @@ from meshes.array_types import FloatArray
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.results import CaseResult, texel_error
+from validation.campaign.texel_metrics import centre_of_pressure, second_moments
 from validation.derivation.contact_range import linearise, linearise_material
-from validation.metrics import centre_of_pressure, second_moments
 from validation.results import Array, Bound, Column, Number, Result, result_model
 
 if TYPE_CHECKING:

@@ -13,6 +13,8 @@ from fastmodel.signal.electronics import grey_levels
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation import metrics
+from validation.campaign.texel_metrics import AREA_THRESHOLD, active_area_iou, centre_of_pressure_error
+from validation.campaign.wasserstein import wasserstein
 from validation.credibility.uncertainty import ComparisonError
 from validation.pooling import Pooled, pool
 from validation.recordings.recording import BoolArray
@@ -70,9 +72,9 @@ def score_counts(
         pixels_changed=float(image.pixels_changed),
         relative_l2=metrics.relative_l2(r, p),
         total_counts_error=float(abs(p.sum() - total) / total) if total > 0 else float("nan"),
-        centre_of_pressure_m=metrics.centre_of_pressure_error(r, p, places),
-        wasserstein_m=metrics.wasserstein(r, p, places),
-        active_area_iou=metrics.active_area_iou(r, p, threshold=metrics.AREA_THRESHOLD * float(r.max())),
+        centre_of_pressure_m=centre_of_pressure_error(r, p, places),
+        wasserstein_m=wasserstein(r, p, places),
+        active_area_iou=active_area_iou(r, p, threshold=AREA_THRESHOLD * float(r.max())),
     )
 
 

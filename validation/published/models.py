@@ -21,8 +21,8 @@ from meshes import Cover, Pose, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
 from validation.campaign.plan import estimate_cost
+from validation.campaign.texel_metrics import misplaced_force
 from validation.derivation.contact_range import bear
-from validation.metrics import misplaced_force
 from validation.published.model import Model, Values, foundation_stiffness
 from validation.published.rules import PUBLISHED
 from validation.published.scene import Forces, Scene, make_scene

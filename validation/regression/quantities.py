@@ -23,8 +23,8 @@ from meshes.array_types import FloatArray
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.results import CaseResult
+from validation.campaign.texel_metrics import centre_of_pressure, second_moments
 from validation.credibility.uncertainty import compare_quantities
-from validation.metrics import centre_of_pressure, second_moments
 from validation.places import PoseText, find_places
 from validation.regression import experiments, exports, in_time, made_up, touches
 from validation.regression.reading import Reading, Readings, Subject, Value, find_unit, list_numbers, read

@@ -11,6 +11,7 @@ from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import summarise
+from validation.campaign.texel_metrics import centre_of_pressure
 from validation.credibility import evidence
 from validation.credibility import uncertainty as input_uncertainty
 from validation.credibility.evidence import describe_domain, group_errors
@@ -23,7 +24,6 @@ from validation.credibility.uncertainty import (
     simulate_image,
 )
 from validation.credibility.verification import observe_order, verify_solutions
-from validation.metrics import centre_of_pressure
 from validation.places import FlatPlaces
 
 BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")

@@ -1,0 +1,1 @@
+../../../validation/campaign/texel_metrics.py

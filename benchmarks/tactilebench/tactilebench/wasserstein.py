@@ -1,0 +1,1 @@
+../../../validation/campaign/wasserstein.py
