@@ -18,7 +18,8 @@ from scipy.optimize import brentq
 
 from fem_reference import press
 from fem_reference.closed_form import LayerContact, indent
-from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
+from fem_reference.grid_convergence import pool_errors
+from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, TriangleMesh, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
 from tests.exact.active_set import solve_active_set
@@ -53,6 +54,8 @@ LIFTS = 1e-4
 #: Error of a solution on solid elements over the change from the grid before, whose elements at edges are twice as wide
 #: and whose layers of elements are 1.3 to 1.5 times as thick [-].
 FIRST_ORDER = 2.0
+#: Wanted accuracy with which the finest grids are solved, just above the smallest one that `press` accepts [-].
+FINEST = 1.01e-4
 #: Source of a truth that is a finer grid of the code under test.
 SAME_CODE = "finer grid of the same code"
 #: Quantities that have an error estimate.
@@ -68,12 +71,14 @@ class Truth:
         texel_forces: Force on each of n texels, shape (n,) [N].
         error: Relative error of each of `QUANTITIES`, by its own refinement [-].
         source: How it was computed.
+        texel_errors: Errors of the texel forces, shape (n,) [N].
     """
 
     values: dict[str, float]
     texel_forces: FloatArray
     error: dict[str, float]
     source: str
+    texel_errors: FloatArray
 
 
 def solve_truth(  # noqa: PLR0911 -- one for each kind of truth
@@ -120,7 +125,7 @@ def solve_truth(  # noqa: PLR0911 -- one for each kind of truth
         cells = BOX_CELLS if isinstance(indenter, Box | Nut) else FACE_CELLS
         faces = [press_face(wide, indenter, depth, cells=n) for n in cells]
         return _refine_cells(faces, array, pose, cells)
-    if isinstance(indenter, Roller):
+    if isinstance(indenter, Roller | TriangleMesh):
         rolled = [pressed_shape(wide, indenter, depth, cells=n) for n in ROLLER_CELLS]
         return _refine_cells(rolled, array, pose, None)
     raise ValueError(f"no independent truth for {type(indenter).__name__}")
@@ -165,7 +170,8 @@ def press_pad(cover: Cover, array: TexelArray, face: FlatPunch, depth: float, *,
     peak = int(np.argmax(np.abs(forces[-1][1:]))) + 1
     change = FIRST_ORDER * np.abs(forces[-1][[0, 0, peak]] / forces[-2][[0, 0, peak]] - 1)
     area = float(_measure_face(face))
-    return _make_truth("solid elements", [forces[-1][0], depth, area], forces[-1][1:], [*change, ROUNDING])
+    moved = FIRST_ORDER * np.abs(forces[-1] - forces[-2])[1:]
+    return _make_truth("solid elements", [forces[-1][0], depth, area], forces[-1][1:], [*change, ROUNDING], moved)
 
 
 def _measure_face(face: FlatPunch) -> float:
@@ -188,20 +194,36 @@ def refine_press(cover: Cover, array: TexelArray, indenter: Indenter, depth: flo
     Its error is the estimate of these grids, or half of the change from the coarse ones where that is smaller.
     """
     found, before = (
-        press(cover, array, indenter, depth=depth, pose=pose, accuracy=accuracy) for accuracy in (1e-9, 0.999)
+        press(cover, array, indenter, depth=depth, pose=pose, accuracy=accuracy) for accuracy in (FINEST, 0.999)
     )
     peak = int(np.argmax(np.abs(found.texel_forces)))
     force = before.total_force / found.total_force - 1
     texel = float(before.texel_forces[peak] / found.texel_forces[peak]) - 1
     change = zip(QUANTITIES, (force, force, texel, before.contact_area / found.contact_area - 1), strict=True)
     errors = [min(found.error_estimate[name] or math.inf, abs(value) / 2) for name, value in change]
-    return _make_truth(SAME_CODE, [found.total_force, depth, found.contact_area], found.texel_forces, errors)
+    values, own = [found.total_force, depth, found.contact_area], found.texel_errors
+    moved = 0.0 if own is None else np.minimum(own, np.abs(found.texel_forces - before.texel_forces) / 2)
+    return _make_truth(SAME_CODE, values, found.texel_forces, errors, moved)
 
 
-def _make_truth(source: str, values: Sequence[float], texel_forces: FloatArray, errors: Sequence[float]) -> Truth:
-    """Make a truth of its force, depth and area, and of the relative errors of `QUANTITIES`."""
+def _make_truth(
+    source: str,
+    values: Sequence[float],
+    texel_forces: FloatArray,
+    errors: Sequence[float],
+    changes: FloatArray | float = 0.0,
+) -> Truth:
+    """Make a truth of its force, depth and area, and of the relative errors of `QUANTITIES`.
+
+    Each texel has at least the relative error of the peak, and its own change between the last two grids [N].
+    """
     named = dict(zip(("total_force", "depth", "contact_area"), map(float, values), strict=True))
-    return Truth(named, texel_forces, dict(zip(QUANTITIES, map(float, errors), strict=True)), source)
+    relative = dict(zip(QUANTITIES, map(float, errors), strict=True))
+    own = np.maximum(
+        pool_errors(np.broadcast_to(changes, texel_forces.shape), texel_forces),
+        relative["peak_texel"] * np.abs(texel_forces),
+    )
+    return Truth(named, texel_forces, relative, source, own)
 
 
 def _solve_free(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
@@ -263,7 +285,8 @@ def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, po
         force, area = force + 2 * depth, 2 * depth
     # A closed form states its own error.
     errors = max(ROUNDING, fine.error) + np.array([force, depth, abs(forces[0][peak] / forces[1][peak] - 1), area])
-    return _make_truth(source, [fine.force, fine.depth, np.pi * fine.contact_radius**2], forces[1], errors)
+    values = [fine.force, fine.depth, np.pi * fine.contact_radius**2]
+    return _make_truth(source, values, forces[1], errors, np.abs(forces[1] - forces[0]))
 
 
 def _refine_rings(rings: list[RingContact], array: TexelArray, pose: Pose, *, flat: bool) -> Truth:
@@ -276,7 +299,8 @@ def _refine_rings(rings: list[RingContact], array: TexelArray, pose: Pose, *, fl
     peak = 2 + int(np.argmax(np.abs(last[2:])))
     error = change / np.abs(last) / (4 if flat else 1) + ROUNDING
     errors = error[[0, 0, peak, 1]] + [0, 0, 0, 0.0 if flat else RING_EDGE]
-    return _make_truth("ring elements", [last[0], rings[1].depth, last[1]], last[2:], errors)
+    moved = change[2:] / (4 if flat else 1)
+    return _make_truth("ring elements", [last[0], rings[1].depth, last[1]], last[2:], errors, moved)
 
 
 def extrapolate(table: FloatArray, cells: Sequence[int]) -> FloatArray:
@@ -313,4 +337,4 @@ def _refine_cells(solved: list[PressedCells], array: TexelArray, pose: Pose, cel
     peak = 2 + int(np.argmax(np.abs(last[2:])))
     relative = change / np.maximum(np.abs(last), np.finfo(float).tiny) + ROUNDING
     values = [last[0], solved[-1].depth, last[1]]
-    return _make_truth("boundary elements", values, last[2:], relative[[0, 0, peak, 1]])
+    return _make_truth("boundary elements", values, last[2:], relative[[0, 0, peak, 1]], change[2:])

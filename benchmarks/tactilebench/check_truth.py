@@ -1,13 +1,14 @@
 """Recompute a part of the shipped cases of tactilebench by a second discretisation, and print how the intervals agree.
 
     python benchmarks/tactilebench/check_truth.py [--truth FILE] [--tier TIER ...] [--share 0.12]
+        [--peer PYTHON]
 
 The second solution shares no code with the first one on flat linear covers (`benchmarks/coverage_truth.py`): closed
 forms of bodies of revolution, ring elements with friction, boundary elements of flat faces and rollers, here also of
 two bodies at once.  Presses on the flat pad of the curved tier, which is meshed by solid elements, are compared with
-those of a wide layer.  Two kinds of checks are not independent and listed apart: finite strain on the finest grids of
-the same code, and curved covers on a finer mesh.  Forces of a second solution at the depth of the first one are scaled
-to the load of the case.
+those of a wide layer, and balls at finite strain with FElupe if a Python with it is given.  Two kinds of checks are
+not independent and listed apart: other bodies at finite strain on the finest grids of the same code, and curved covers
+on a finer mesh.  Forces of a second solution at the depth of the first one are scaled to the load of the case.
 """
 
 # ruff: noqa: E402 -- the folders of the second solutions must be found first
@@ -16,7 +17,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -29,13 +32,15 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).res
 
 import numpy as np
 from coverage_truth import SAME_CODE, solve_truth
+from scipy.interpolate import CubicSpline
 
 from cases_as_softcover import COUNTED, make_array, make_cover, make_indenter, make_layers, make_pose
 from fem_reference import press
 from fem_reference.curved_cover.press import press_small
+from fem_reference.grid_convergence import pool_errors
 from fem_reference.indentation.result import PressProblem
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
-from meshes import Box, Cover, Cylinder, Indenter, SolidCover, TexelArray, TriangleMesh
+from meshes import Box, Cover, Cylinder, Indenter, SolidCover, Sphere, TexelArray, TriangleMesh
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
 from tactilebench import Case, load_truth
@@ -50,6 +55,11 @@ PAIR_CELLS = (6, 9, 13)
 AROUND = 4
 #: Radius of the cells under a ball over the square root of diameter and depth [-].
 WINDOW = 1.1
+#: Elements through the layer on two meshes of FElupe, penalty over the shear modulus per thickness, and largest step
+#: over the thickness [-].
+BALL_ELEMENTS, PENALTY, STEP = (8, 12), 3000.0, 0.02
+#: Gauss points along an edge of a texel [-].
+GAUSS = 16
 #: Distance of a contact from the sides of the flat pad from which these have no effect, over the thickness [-].
 FAR = 2.0
 #: Finer mesh of curved covers: least relative error of the second solution [-].
@@ -63,11 +73,16 @@ SAME = (SAME_CODE, FINER)
 Second = tuple[FloatArray, FloatArray, str]
 
 
-def solve_again(case: Case) -> Second:
+def solve_again(case: Case, peer: str) -> Second:
     """Compute a case by another method; forces and errors in the shape of the case [N].
+
+    Args:
+        case: The case.
+        peer: Python with FElupe; empty for none.
 
     Raises:
         ValueError: If there is none for the case.
+        RuntimeError: If the other method does not converge.
     """
     if len(case.bodies) > 1:
         return press_pair(case)
@@ -80,6 +95,8 @@ def solve_again(case: Case) -> Second:
         if 10e-3 - max(map(abs, body.at[:2])) - indenter.footprint[0] < FAR * cover.thickness:
             raise ValueError("the sides of the pad have an effect")
         cover = Cover(layers=make_layers(case))
+    if case.tier == "finite_strain" and isinstance(indenter, Sphere) and peer:
+        return press_ball(case, cover, array, indenter, peer)
     rows = []
     for at, load in zip(case.motion.at if case.motion else (body.at,), case.loads, strict=True):
         pose = make_pose(body, at)
@@ -89,8 +106,8 @@ def solve_again(case: Case) -> Second:
             cover, array, indenter, depth, pose=replace(given, tilt=(0.0, 0.0)), friction=case.cover.friction,
             tilt=pose.tilt,
         )  # fmt: skip
-        forces = found.texel_forces * (load / found.values["total_force"])
-        rows.append((forces, found.error["peak_texel"] * np.abs(forces), found.source))
+        scale = load / found.values["total_force"]
+        rows.append((scale * found.texel_forces, scale * found.texel_errors, found.source))
     forces, errors = (np.array([row[k] for row in rows]) for k in (0, 1))
     return (forces, errors, rows[0][2]) if case.motion else rows[0]
 
@@ -101,6 +118,8 @@ def reduce_face(indenter: Indenter) -> Indenter:
         return indenter
     corners = indenter.triangles.reshape(-1, 3)
     face = corners[corners[:, 2] == 0]
+    if not np.ptp(face, axis=0)[:2].all():
+        return indenter  # a pyramid
     x, y = np.ptp(face[:, :2], axis=0)
     return Box(size=(float(x), float(y), 1e-3))
 
@@ -115,6 +134,63 @@ def press_finer(case: Case, cover: SolidCover, array: TexelArray, indenter: Inde
     )  # fmt: skip
     forces = press_small((mesh,), cover.layers, problem, body.load).texel_forces
     return forces, LEAST * np.abs(forces), FINER
+
+
+def press_ball(case: Case, cover: Cover, array: TexelArray, ball: Sphere, peer: str) -> Second:
+    """Press a ball into rubber with FElupe on two meshes; the error is the change between them.
+
+    Raises:
+        RuntimeError: If FElupe does not converge.
+    """
+    body, h, nu = case.bodies[0], cover.thickness, case.cover.layers[0].poisson_ratio
+    depth = press(cover, array, ball, make_pose(body), load=body.load).depth / h
+    wide = max(2.0, 1.3 * math.sqrt(2 * ball.radius / h * depth))
+    table = []
+    for through in BALL_ELEMENTS:
+        near = np.linspace(0, wide, math.ceil(wide * through) + 1)
+        radii = [*near[:-1], *(wide + 8 * np.linspace(0, 1, 2 * through) ** 1.7)]
+        task = {
+            "shape": "ball", "fields": "two", "radius": radii[-1], "through": through, "across": len(radii) - 1,
+            "radii": radii, "ball": ball.radius / h, "penalty": PENALTY, "bulk": 2 * (1 + nu) / (3 * (1 - 2 * nu)),
+            "travels": np.linspace(0, depth, math.ceil(depth / STEP) + 1)[1:].tolist(),
+        }  # fmt: skip
+        script = Path(__file__).with_name("balls_felupe.py")
+        done = subprocess.run([peer, str(script)], input=json.dumps(task), capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError(f"FElupe: {done.stderr.splitlines()[-1]}")
+        found = json.loads(done.stdout)
+        shares = spread_over_texels(np.array(found["radii"]) * h, np.array(found["nodal"]), array, body.at[:2])
+        table.append(shares / found["force"] * body.load)
+    changes = np.abs(table[1] - table[0])
+    return table[1], pool_errors(changes, table[1]), "FElupe"
+
+
+def spread_over_texels(radii: FloatArray, nodal: FloatArray, array: TexelArray, at: tuple[float, float]) -> FloatArray:
+    """Find the base pressure whose consistent nodal forces on quadratic rings are given, and integrate it over texels.
+
+    Args:
+        radii: Radii of m nodes, those between the ends of the rings included, shape (m,) [m].
+        nodal: Forces on the nodes, shape (m,), in any unit.
+        array: Array with n texels.
+        at: Axis in the frame of the array [m].
+
+    Returns:
+        Forces on the texels in the same unit, shape (n,).
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    t = (nodes + 1) / 2
+    shape = np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)], axis=-1)
+    matrix = np.zeros((len(radii), len(radii)))
+    for k in range(0, len(radii) - 2, 2):
+        r = shape @ radii[k : k + 3]
+        ring = np.pi * weights * r * (radii[k + 2] - radii[k])
+        matrix[k : k + 3, k : k + 3] += np.einsum("q,qa,qb->ab", ring, shape, shape)
+    pressure = np.linalg.solve(matrix, nodal)
+    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    x, y = (points[:, None] * array.texel_size / 2).T
+    places = array.centres[:, None, None, :2] + np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1) - np.array(at)
+    values = CubicSpline(radii, pressure)(np.minimum(np.linalg.norm(places, axis=-1), radii[-1]))
+    return np.asarray((values * np.outer(weights, weights)).sum(axis=(1, 2)) * np.prod(array.texel_size) / 4)
 
 
 def press_pair(case: Case) -> Second:
@@ -148,7 +224,7 @@ def press_pair(case: Case) -> Second:
         solved = PressedCells(cover=cover, depth=0.0, corners=corners[hit], pressure=pressure[hit], contact_area=0.0)
         table.append(solved.texel_forces(array))
     changes = np.abs(table[-1] - table[-2])
-    return table[-1], np.maximum(changes, np.abs(table[-1]) * changes.sum() / table[-1].sum()), "boundary elements"
+    return table[-1], pool_errors(changes, table[-1]), "boundary elements"
 
 
 def split_body(indenter: Indenter, depth: float, cells: int) -> FloatArray:
@@ -224,7 +300,9 @@ def choose(cases: list[Case], share: float) -> tuple[list[Case], int]:
     return [cases[k] for k in order], wanted
 
 
-def check_tier(cases: list[Case], share: float, keep: Callable[[dict[str, float | str]], None], done: set[str]) -> None:
+def check_tier(
+    cases: list[Case], share: float, keep: Callable[[dict[str, float | str]], None], done: set[str], peer: str
+) -> None:
     """Check cases of a tier until the wanted number is reached."""
     ordered, wanted = choose(cases, share)
     count = sum(case.name in done for case in ordered)
@@ -235,7 +313,7 @@ def check_tier(cases: list[Case], share: float, keep: Callable[[dict[str, float 
             continue
         started = time.process_time()
         try:
-            found = compare(case, solve_again(case))
+            found = compare(case, solve_again(case, peer))
         except (ValueError, RuntimeError, TypeError) as error:
             print(f"{case.name}: no second solution: {error}", flush=True)
             continue
@@ -272,6 +350,7 @@ def main() -> int:
     parser.add_argument("--truth", type=Path, default=DATA / "2026.1.npz")
     parser.add_argument("--tier", action="append", choices=sorted(TIERS))
     parser.add_argument("--share", type=float, default=0.12)
+    parser.add_argument("--peer", default="", help="Python in whose environment FElupe is installed")
     given = parser.parse_args()
     cases = load_truth(given.truth)
     digests = {case.name: case.require_truth().digest for case in cases}
@@ -288,7 +367,7 @@ def main() -> int:
 
         for tier in given.tier or TIERS:
             group = [case for case in cases if case.tier == tier]
-            check_tier(group, given.share, keep, {each["name"] for each in records})
+            check_tier(group, given.share, keep, {each["name"] for each in records}, given.peer)
     print(tabulate(records, {tier: sum(case.tier == tier for case in cases) for tier in TIERS}))
     misses = [each for each in records if each["overlap"] < each["texels"]]
     for each in misses:
