@@ -6,6 +6,7 @@ Quantities are texts with a unit, such as "5 N" or "0.3 mm", as on the command l
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -605,30 +606,44 @@ def export(
     sensor: Sensor,
     out: str | Path,
     *,
-    format: Literal["mjcf", "sdf", "urdf", "gazebo"] | str = "mjcf",  # noqa: A002, PYI051 -- as on the command line
+    format: str = "mjcf",  # noqa: A002 -- as on the command line
     method: str = "default",
     mass: str | None = None,
+    load: str | None = None,
+    changes: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Exported:
     """Write a sensor for other simulators: a model of rigid boxes, and the fast model's parameters.
 
+    The formats with a scored value hold the value that a simulator asks for, with its error in finite-element presses.
+
     Args:
         sensor: The sensor.
         out: Folder for the files; an earlier result is replaced.
-        format: Format of the model; `gazebo` is the plugin block of 2015.
+        format: Format of the model, `mjcf`, `sdf`, `urdf`, or `gazebo`, the plugin block of 2015; or the simulator or
+            data set of a scored value, `drake`, `newton`, `genesis`, `isaac`, `lerobot` or `ros2`.
         method: Contact method of the model, `default` or one of `fastmodel.METHODS`.
         mass: Mass of the array for SDF and URDF, such as `20g`.  Without it an SDF model is static and a URDF model has
             no inertia.
+        load: Range of loads in which a value is fitted and scored, such as `1N:5N`; None for the loads of a point that
+            give a texel a count and that saturate it.
+        changes: Words of the command line by which the cover was changed, for the command in the file.
         progress: Called with the name of each stage.
 
     Raises:
-        InputError: If an option is wrong, or the Gazebo plugin cannot describe the sensor.
+        InputError: If an option is wrong, the Gazebo plugin cannot describe the sensor, or no value can be scored.
         MissingExtraError: If finite elements are needed and not installed.
     """
     from validation.simulator_models import FORMATS, Exported, check_gazebo, read_options, write_model
 
-    kilograms = read_options(format, method, mass)
+    kilograms, loads = read_options(format, method, mass, load)
     found = load_any(sensor)
+    if format not in FORMATS:
+        from validation.simulator_values.export import export_values
+
+        found = describe(found)
+        done = export_values(found, Path(out), form=format, loads=loads, changes=changes, progress=progress)
+        return replace(done, warnings=list_unused(found))
     if format == "gazebo":
         check_gazebo(found)
     model = make_file_name(found.array.name, suffix=FORMATS[format])

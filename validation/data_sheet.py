@@ -195,7 +195,7 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
 
 def _list_force(parameters: Parameters, source: str) -> Iterator[Entry]:
     electronics, share = parameters.electronics, parameters.electronics.applied_share
-    forces, counts = _trace_range(electronics)
+    forces, counts = trace_range(electronics)
     low, high = float(forces[0]), float(forces[-1]) if counts[-1] >= electronics.output_max else None
     slope: float | None = electronics.sensitivity / share
     if _is_bent(electronics):
@@ -370,7 +370,7 @@ def _is_bent(electronics: Electronics) -> bool:
     return electronics.characteristic is not None or bool(electronics.saturation_band)
 
 
-def _trace_range(electronics: Electronics) -> tuple[FloatArray, FloatArray]:
+def trace_range(electronics: Electronics) -> tuple[FloatArray, FloatArray]:
     """Compute the counts of one texel from the smallest force with a count to the smallest one with the largest count.
 
     Returns:
@@ -396,7 +396,7 @@ def find_nonlinearity(electronics: Electronics) -> float | None:
     """
     if not _is_bent(electronics):
         return None
-    forces, counts = _trace_range(electronics)
+    forces, counts = trace_range(electronics)
     line = np.polyval(np.polyfit(forces, counts, 1), forces)
     return float(np.abs(counts - line).max() / electronics.output_max)
 

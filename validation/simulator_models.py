@@ -6,16 +6,19 @@ each model, describe the effect of the cover.
 
 from __future__ import annotations
 
+from dataclasses import field
 from pathlib import Path
 
 from fastmodel import Gaussian, Parameters
 from fastmodel.errors import FastModelError
-from validation.errors import Faults, InputError, check_choice
-from validation.results import Result, result_model
+from validation.errors import Faults, InputError, check_choice, shorten
+from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import SensorDescription
 
 #: Suffix of the model's file by format of the model: MuJoCo, the Gazebo plugin of 2015, SDFormat, URDF.
 FORMATS = {"mjcf": ".xml", "gazebo": ".xml", "sdf": ".sdf", "urdf": ".urdf"}
+#: Formats that hold scored values: keys of `validation.simulator_values.targets.TARGETS`.
+SCORED = ("drake", "newton", "genesis", "isaac", "lerobot", "ros2")
 
 
 @result_model
@@ -24,11 +27,12 @@ class Exported(Result):
 
     Attributes:
         sensor: Name of the sensor.
-        format: Format of the model, one of `FORMATS`.
-        method: Contact method of the model; None for the Gazebo plugin, which has its own method.
+        format: Format of the model, one of `FORMATS` or `SCORED`.
+        method: Contact method of the model; None for the Gazebo plugin and scored values, which have none.
         out: Folder of the files.
         files: Names of the files; the first is the model.
         warnings: Sentences about values of the sensor file that the fast model does not use.
+        scores: Summary of `scored.json`: loads [N], and the rows without their presses; empty for the other formats.
     """
 
     sensor: str
@@ -37,10 +41,13 @@ class Exported(Result):
     out: str
     files: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    scores: JsonObject = field(default_factory=dict)
 
 
-def read_options(form: str, method: str, mass: str | None) -> float | None:
-    """Check the options of an export, and return the mass of the array [kg]; None if it is not given.
+def read_options(
+    form: str, method: str, mass: str | None, load: str | None = None
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Check the options of an export, and return the mass of the array [kg] and the range of loads [N], if given.
 
     Raises:
         InputError: With one line per fault.
@@ -48,19 +55,36 @@ def read_options(form: str, method: str, mass: str | None) -> float | None:
     from validation.campaign.comparison import METHODS
 
     faults = Faults()
-    faults.read(check_choice, "--format", "format", form, FORMATS)
+    faults.read(check_choice, "--format", "format", form, (*FORMATS, *SCORED))
     faults.read(check_choice, "--method", "contact method", method, METHODS)
+    if form in SCORED and method != METHODS[0]:
+        faults.append(f"--method: {form} has a contact of its own; leave it out")
+    if form in FORMATS and load is not None:
+        faults.append(f"--load: {form} holds no scored value; leave it out, or take --format {' or '.join(SCORED)}")
     if not faults and form == "gazebo" and method != METHODS[0]:
         faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
     kilograms = None if mass is None else faults.read(_read_mass, mass, form)
+    loads = None if load is None else faults.read(_read_loads, load)
     faults.refuse()
-    return kilograms
+    return kilograms, loads
+
+
+def _read_loads(text: str) -> tuple[float, float]:
+    from validation.text.quantity import read_quantity
+
+    ends = text.split(":")
+    if len(ends) != 2:  # noqa: PLR2004 -- from and to
+        raise InputError(f"--load: {shorten(text)} is no range from:to; write for example 1N:5N")
+    low, high = (read_quantity(each, "force", place="--load", example="1N:5N") for each in ends)
+    if not 0 < low < high:
+        raise InputError(f"--load: must be positive, the smaller load first, not {shorten(text)}; for example 1N:5N")
+    return low, high
 
 
 def _read_mass(text: str, form: str) -> float:
     from validation.text.quantity import read_quantity
 
-    if form in {"mjcf", "gazebo"}:
+    if form not in {"sdf", "urdf"}:
         raise InputError(f"--mass: {form} holds massless boxes or none; leave it out, or take --format sdf or urdf")
     kilograms = read_quantity(text, "mass", place="--mass")
     if not kilograms > 0:

@@ -6,6 +6,7 @@ The help of an option that only one command has is in `Args` of the docstring of
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,6 +119,13 @@ class CoverChanges:
             "May be given several times.",
         ),
     ] = ()
+
+    @property
+    def words(self) -> list[str]:
+        """The options as words of a command line."""
+        given = [("--material", self.material), ("--thickness", self.thickness)]
+        given += [("--layer", each) for each in self.layers]
+        return [word for option, text in given if text is not None for word in (option, shlex.quote(text))]
 
 
 #: Changes of a cover for which no option is given.

@@ -253,6 +253,11 @@ def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -
 
 def measure_error(model: Model, parameters: Values, presses: Sequence[CalibrationPress]) -> float:
     """Compute the mean misplaced force of a model over presses [-]."""
+    return float(np.mean(list_errors(model, parameters, presses)))
+
+
+def list_errors(model: Model, parameters: Values, presses: Sequence[CalibrationPress]) -> list[float]:
+    """Compute the misplaced force of a model in each press [-]."""
     row = Row(model=model, parameters=parameters)
     errors = []
     for press in presses:
@@ -266,7 +271,7 @@ def measure_error(model: Model, parameters: Values, presses: Sequence[Calibratio
                 load=press.scene.load,
             )
         )
-    return float(np.mean(errors))
+    return errors
 
 
 def fit_model(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> tuple[Values, float]:

@@ -60,7 +60,7 @@ FORCE_TOPIC = "/force"
 #: Name of the ROS 2 type of a frame message.
 FRAME = "softcover_msgs/msg/TactileFrame"
 #: Definition of the ROS 2 type of a frame message.
-_FRAME_DEFINITION = """std_msgs/Header header
+FRAME_DEFINITION = """std_msgs/Header header
 uint64 host_monotonic
 uint32 device_ticks
 uint16[] counts
@@ -266,7 +266,7 @@ def load_types() -> Typestore:
     except ImportError as error:
         raise MissingExtraError("rosbags") from error
     types = get_typestore(Stores.ROS2_JAZZY)
-    types.register(get_types_from_msg(_FRAME_DEFINITION, FRAME))
+    types.register(get_types_from_msg(FRAME_DEFINITION, FRAME))
     return types
 
 

@@ -42,6 +42,7 @@ def test_only_the_method_of_an_exported_model_can_read_it(exported, method):
         "out": "out",
         "files": ["wts-0614-34.xml", "parameters.toml", "cover.npz"],
         "warnings": [],
+        "scores": {},
     }
     plate = printed["method"] in {"cover", "foundation"}
     assert model.ngeom == (1 if plate else 84)
@@ -88,3 +89,50 @@ def test_an_array_converted_to_mjcf_and_back_keeps_every_texel(softcover, sensor
     back = fastmodel.load("out").array
     for name in ("centres", "normals", "texel_size", "pitch", "active"):
         np.testing.assert_array_equal(getattr(back, name), getattr(wanted, name))
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        ("wts-0614-34 --format drake --load 5N", "--load: '5N' is no range"),
+        ("wts-0614-34 --format drake --load 5N:1N", "the smaller load first"),
+        ("wts-0614-34 --format drake --load 2N:2N", "the smaller load first"),
+        ("wts-0614-34 --format drake --load -1N:5N", "must be positive"),
+        ("wts-0614-34 --format drake --load 0N:5N", "must be positive"),
+        ("wts-0614-34 --format drake --load 1:5", "'1' has no unit"),
+        ("wts-0614-34 --format drake --load 1mm:5mm", "is not a unit of force"),
+        ("wts-0614-34 --format drake --load 1N:nanN", "is not a force"),
+        ("wts-0614-34 --format newton --method boxes", "--method: newton"),
+        ("wts-0614-34 --format genesis --mass 20g", "--mass: genesis"),
+        ("wts-0614-34 --format mjcf --load 1N:5N", "--load: mjcf holds no scored value"),
+        ("wts-0614-34 --format gazbo", "gazebo"),
+        ("fingertip --format drake", "curved cover"),
+        ("derived --format drake", "no description of the cover"),
+    ],
+)
+def test_nothing_is_scored_or_written_for_what_a_value_cannot_hold(softcover, words, fault):
+    fastmodel.load("wts-0614-34").save("derived")
+    status, _, err = softcover("export", *words.split(), "--out", "out")
+    assert status == 2
+    assert fault in err
+    assert len(err.strip().splitlines()) == 1
+    assert not Path("out").exists()
+
+
+@pytest.mark.slow
+def test_a_scored_value_is_written_with_the_command_that_gives_it_again(softcover):
+    words = ("export", "wts-0614-34", "--format", "drake", "--thickness", "1.5mm", "--load", "0.5N:2N")
+    status, out, _ = softcover(*words, "--out", "out", "--json")
+    assert status == 0
+    printed = json.loads(out)
+    assert printed["files"] == ["wts-0614-34.sdf", "scored.json", "parameters.toml", "cover.npz"]
+    assert printed["scores"]["loads"] == [0.5, 2.0]
+    rows = printed["scores"]["rows"]
+    assert rows[0]["mean"] < 0.02
+    assert rows[1]["mean"] > 0.08
+    written = json.loads(Path("out/scored.json").read_text())
+    command = written["command"].split()
+    assert sorted(command) == sorted(["softcover", *words])
+    assert written["cover"]["thickness_m"] == 1.5e-3
+    status, out, _ = softcover(*command[1:], "--out", "again", "--json")
+    assert json.loads(out)["scores"] == printed["scores"]
