@@ -41,6 +41,8 @@ from tactilebench.draw import RELEASES, TIERS, draw
 LIMIT = 600
 #: Wanted relative error where the usual grids leave intervals that are too wide [-].
 ACCURACY = 2e-3
+#: Cells per thickness under two bodies, on the two grids [-].
+PAIR_CELLS = (16, 32)
 #: Time between two writings of the file [s].
 INTERVAL = 30.0
 
@@ -62,7 +64,7 @@ def solve(case: Case, accuracy: float | None = None) -> tuple[FloatArray, FloatA
         bodies = [
             Body(indenter=make_indenter(each), load=each.load, at=each.at[:2], yaw=each.yaw) for each in case.bodies
         ]
-        found: Any = press_together(cover, array, bodies)
+        found: Any = press_together(cover, array, bodies, cells=PAIR_CELLS)
         if min(found.depths) <= 0 or max(found.depths) >= cover.thickness:
             raise ValueError("a body is lifted, or would pierce the cover")
         return found.texel_forces, found.texel_errors, np.array(found.outside), np.array(found.outside_error)
