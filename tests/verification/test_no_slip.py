@@ -101,15 +101,9 @@ def test_texels_carry_the_force_of_contacts_without_slip():
     assert ratio == pytest.approx(stuck.force / smooth.force, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("nu", "ratio"),
-    [
-        (0.49, 1.0),
-        *(
-            pytest.param(nu, ratio, marks=pytest.mark.slow)
-            for nu, ratio in ((0.5, 1.0), (0.0, 4.0), (0.3, 0.25), (0.45, 2.0), (0.49, 0.5), (0.5, 4.0))
-        ),
-    ],
+    ("nu", "ratio"), [(0.49, 1.0), (0.5, 1.0), (0.0, 4.0), (0.3, 0.25), (0.45, 2.0), (0.49, 0.5), (0.5, 4.0)]
 )
 def test_a_pressed_cylinder_without_slip_has_the_exact_stiffness_within_its_estimate(nu, ratio):
     radius, depth = ratio * THICKNESS, 1e-5

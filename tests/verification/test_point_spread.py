@@ -64,7 +64,7 @@ def test_texel_forces_equal_the_exact_layer(bonded, wts, nu):
         assert np.abs(row - exact_texel_forces(cover, wts, place)).max() < 5e-5
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("nu", [*(pytest.param(nu, marks=pytest.mark.slow) for nu in (0.0, 0.3)), 0.5])
 def test_uniform_pressure_equals_the_exact_layer(bonded, wts, nu):
     cover = bonded(nu)
     nodes, weights = np.polynomial.legendre.leggauss(6)
@@ -141,6 +141,7 @@ def test_second_discretisation_agrees(bonded, nu):
     assert found.base == pytest.approx(exact.base, abs=5e-6)
 
 
+@pytest.mark.slow
 def test_error_estimates_cover_the_true_error(bonded, wts):
     for nu in (0.0, 0.499, 0.5):
         cover = bonded(nu)

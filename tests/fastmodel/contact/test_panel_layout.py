@@ -44,7 +44,9 @@ def shuffled(array, seed=1):
 
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
-@pytest.mark.parametrize("array", [bent(10e-3), shuffled(bent(10e-3))[0]], ids=["sheet", "scattered"])
+@pytest.mark.parametrize(
+    "array", [bent(10e-3), pytest.param(shuffled(bent(10e-3))[0], marks=pytest.mark.slow)], ids=["sheet", "scattered"]
+)
 def test_a_curved_array_carries_the_load_as_a_vector(array, method):
     touched = set()
     for shape in (Sphere(radius=5e-3), Box(size=(8e-3, 12e-3, 5e-3))):

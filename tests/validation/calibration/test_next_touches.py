@@ -123,6 +123,7 @@ def test_every_place_over_and_between_texels_that_measure_is_a_candidate_once(pl
     assert set(found) == wanted
 
 
+@pytest.mark.slow
 def test_thirty_six_touches_settle_gains_and_thickness_of_as_many_texels():
     square = replace(WTS, electronics=ELECTRONICS, array=TexelArray.grid(6, 6, 3.4e-3))
     found = validation.next_touches(square, 36, noise="5 mN", shift_error="0.1 mm")

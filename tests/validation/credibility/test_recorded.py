@@ -85,6 +85,7 @@ def test_u_val_of_one_load_by_hand():
     assert centre.resolved is False
 
 
+@pytest.mark.slow
 def test_an_error_beyond_u_val_is_resolved():
     assert compare((0.5, 0.5))["sum of counts"].resolved is True
 

@@ -120,6 +120,7 @@ def test_validation_uncertainty_is_the_root_of_the_squares():
     assert dataclasses.replace(error, u_data=0.0).resolved
 
 
+@pytest.mark.slow
 def test_comparison_errors_are_those_of_the_images(results, wts):
     result = results[0]
     inputs = propagate_inputs(wts_cover(), wts, result.case, only(position=1e-4))

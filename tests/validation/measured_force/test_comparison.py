@@ -41,6 +41,7 @@ def test_the_known_factor_is_recovered():
     assert no_slip.error[-1] > 0.1 * comparison.force[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_the_interval_covers_the_known_factor(stated):
     random, covered = np.random.default_rng(5), 0

@@ -49,6 +49,7 @@ def test_labels_that_are_given_replace_the_old_ones(tmp_path):
 MASKED = [file for file in FILES if file.name == "masked_matrix.dsa"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "file", [*MASKED, *(pytest.param(file, marks=pytest.mark.slow) for file in FILES[::6])], ids=lambda file: file.stem
 )

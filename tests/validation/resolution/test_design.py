@@ -163,6 +163,7 @@ layer = [
 """
 
 
+@pytest.mark.slow
 def test_outside_the_table_the_load_range_needs_sweep(tmp_path):
     (tmp_path / "two.toml").write_text(TWO)
     found = validation.design(tmp_path / "two.toml", thickness="2mm", hardness="30A:50A:2", noise="5 mN")

@@ -126,6 +126,7 @@ def test_a_grid_is_a_cube_with_units_errors_and_words(tmp_path, computed):
     assert found.as_json()["designs"][0]["quantities"]["end"]["value"] == 1
 
 
+@pytest.mark.slow
 def test_maps_of_two_parameters_are_drawn(tmp_path, computed, monkeypatch):
     monkeypatch.setattr(page, "_MAPS", 2)
     validation.sweep(write(tmp_path, {THICKNESS: "1 mm : 3 mm : 3", PITCH: "3 mm : 4 mm : 3"}), out=tmp_path / "two")
@@ -196,6 +197,7 @@ def test_refused_designs_are_listed_with_their_words(tmp_path, computed):
     assert len(computed) == 2
 
 
+@pytest.mark.slow
 def test_no_certain_design_fails_and_none_outside_possible_succeeds(tmp_path, computed):
     fine = validation.sweep(write(tmp_path, {THICKNESS: "1 mm : 5 mm : 17", PITCH: "3 mm : 5 mm : 9"}))
     truth = {tuple(each.values.values()): row for row, each in enumerate(fine.designs)}
