@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshes import Cover
-from meshes.array_types import FloatArray
+from meshes.array_types import FloatArray, IntArray
 from meshes.layer import scale_layers
 from validation.errors import InputError
 from validation.resolution.channel import Channel, find_channel, say_noise
@@ -36,6 +36,8 @@ _IDENTIFIED, _LOOSE = 0.5, 30.0
 _NEGLIGIBLE = 1e-3
 #: Number of candidates whose gain is computed exactly; they are those of the largest gain with independent texels [-].
 _LIKELY = 16
+#: Number of decimals of gains over the largest one, to which those of equivalent candidates are equal [-].
+_EQUAL = 5
 #: Largest number of rounds of exchange, and smallest relative gain of a round after which another one follows [-].
 _ROUNDS, _WORTH = 6, 1e-3
 #: 97.5 % quantile of the standard normal distribution [-].
@@ -261,12 +263,12 @@ def exchange(start: FloatArray, roots: FloatArray, wanted: FloatArray, count: in
         covariance = np.linalg.inv(information)
         spread = roots @ covariance
         gained, size = ((spread**2) @ wanted, np.einsum("kmp,kmp->km", spread, roots))
-        likely = np.argsort((gained / (1 + size)).sum(axis=1))[-_LIKELY:]
+        likely = np.sort(_rank((gained / (1 + size)).sum(axis=1))[:_LIKELY])
         # By the identity of Woodbury, the sum of weighted variances falls by the trace of (I + R C R^T)^-1 R C W C R^T.
         parts, near = roots[likely], spread[likely]
         inner = np.eye(roots.shape[1]) + near @ parts.transpose(0, 2, 1)
         falls = np.trace(np.linalg.solve(inner, (near * wanted) @ near.transpose(0, 2, 1)), axis1=1, axis2=2)
-        return int(likely[np.argmax(falls)])
+        return int(likely[_rank(falls)[0]])
 
     chosen = list(first)
     information = start + sum((roots[each].T @ roots[each] for each in chosen), np.zeros_like(start))
@@ -284,6 +286,11 @@ def exchange(start: FloatArray, roots: FloatArray, wanted: FloatArray, count: in
             break
         last = cost
     return chosen
+
+
+def _rank(values: FloatArray) -> IntArray:
+    """Return the indices of values from the largest on; the first of equal ones first, whatever the rounding."""
+    return np.argsort(-np.round(values / np.abs(values).max(initial=1e-300), _EQUAL), kind="stable")
 
 
 class Plan:
@@ -340,9 +347,17 @@ class Plan:
 
     def choose(self, start: FloatArray, count: int) -> list[int]:
         """Choose touches, from none and from every centre once, where they suffice; the better choice is returned."""
-        centres = np.flatnonzero((self.spots[:, 4:] == 0).all(axis=1)).tolist()
-        roots = self.roots[..., self.free]
-        choices = [exchange(start, roots, self.wanted, count, first) for first in ((), centres) if len(first) <= count]
+        # Of equivalent candidates that nearest to the middle of the array is taken.
+        order = np.argsort(
+            np.round(np.linalg.norm(self.spots[:, :3] - self.spots[:, :3].mean(axis=0), axis=1), 6), kind="stable"
+        )
+        centres = np.flatnonzero((self.spots[order, 4:] == 0).all(axis=1)).tolist()
+        roots = self.roots[order][..., self.free]
+        choices = [
+            [int(each) for each in order[exchange(start, roots, self.wanted, count, first)]]
+            for first in ((), centres)
+            if len(first) <= count
+        ]
         costs = [float(self.wanted @ np.diag(np.linalg.inv(self.add(start, self.roots[each])))) for each in choices]
         return choices[int(np.argmin(costs))]
 
