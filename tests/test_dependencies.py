@@ -16,7 +16,12 @@ OWN = {
     *PRODUCT,
     "tests",
     "benchmarks",
-    *(path.stem for folder in ("examples", "benchmarks") for path in (ROOT / folder).glob("*.py")),
+    "tactilebench",
+    *(
+        path.stem
+        for folder in ("examples", "benchmarks", "benchmarks/tactilebench")
+        for path in (ROOT / folder).glob("*.py")
+    ),
 }
 #: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest and Sphinx.
 TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-cov", "furo", "myst-parser"}
