@@ -24,7 +24,30 @@ from validation.simulator_models import FORMATS, check_gazebo, read_options, wri
     ],
 )  # fmt: skip
 def test_a_mass_is_read_in_its_unit(form, method, mass, kilograms):
-    assert read_options(form, method, mass) == (kilograms if mass is None else pytest.approx(kilograms))
+    assert read_options(form, method, mass) == (kilograms if mass is None else pytest.approx(kilograms), None)
+
+
+@pytest.mark.parametrize(
+    ("load", "newtons"), [("1N:5N", (1.0, 5.0)), ("200 mN:0.03 kN", (0.2, 30.0)), ("0.5N:2000mN", (0.5, 2.0))]
+)
+def test_a_range_of_loads_is_read_in_its_units(load, newtons):
+    mass, loads = read_options("drake", "default", None, load)
+    assert mass is None
+    assert loads == pytest.approx(newtons)
+
+
+@pytest.mark.parametrize(
+    ("form", "load", "word"),
+    [
+        ("mjcf", "1N:5N", "--load: mjcf holds no scored value"), ("drake", "5N", "--load: '5N' is no range from:to"),
+        ("newton", "5N:1N", "--load: must be positive, the smaller load first"),
+        ("genesis", "0N:1N", "--load: must be positive"), ("drake", "1mm:5N", "--load"), ("isaac", "1N:", "--load"),
+    ],
+)  # fmt: skip
+def test_a_wrong_range_of_loads_is_refused(form, load, word):
+    with pytest.raises(InputError) as caught:
+        read_options(form, "default", None, load)
+    assert caught.value.faults[0].startswith(word)
 
 
 @pytest.mark.parametrize(
