@@ -2,6 +2,7 @@
 
     python benchmarks/mutation_score.py --cases 150 --seed 21
     python benchmarks/mutation_score.py --cases 150 --seed 21 --paths fem_reference fastmodel validation/metrics.py
+    python benchmarks/mutation_score.py --parts --cases 40
 
 A seeded sample is drawn from all mutants (`mutants.py`) of the named folders and files.  First the default tests run
 once under coverage.py, whose contexts are the tests.  Then each mutant is planted in a copy of the repository, and the
@@ -9,6 +10,9 @@ tests that run its line run there up to the first failure: those of its package 
 budget of time.  Lines that coverage does not see, in compiled kernels and outside functions, are found through the
 lines that use their names.  A run that exceeds its time limit counts as noticed.  Finished mutants are kept in a file
 of JSON lines, and a second run of the same code goes on from there.
+
+With `--parts` each of nine parts of the product is sampled.  The default seed is the first eight hexadecimal digits of
+the commit: nobody chooses it, and a commit has one score.
 
 Neither mutmut nor cosmic-ray fits: mutmut 3 leaves decorated functions out and chooses among its mutants inside the
 process, where numba has compiled one; cosmic-ray changes the files of the tree itself and runs one fixed command.
@@ -40,7 +44,32 @@ import pytest
 from mutants import Mutant, find_mutants
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
+PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation", "benchmarks/tactilebench/tactilebench")
+#: Parts of the product that are scored one by one, and the folders and files of each.
+PARTS = {
+    "reference, flat": (
+        "fem_reference/closed_form", "fem_reference/elements", "fem_reference/fields", "fem_reference/finite_strain",
+        "fem_reference/indentation", "fem_reference/linear_response", "fem_reference/small_strain_contact",
+    ),
+    "reference, curved": (
+        "fem_reference/curved_cover", "meshes/solids", "meshes/surfaces", "validation/cover_meshes.py",
+    ),
+    "fast model": ("fastmodel/contact", "fastmodel/pressure", "fastmodel/fitting", "fastmodel/attachment.py"),
+    "signal": ("fastmodel/signal", "fastmodel/sensors", "fastmodel/parameters.py", "fastmodel/sensor.py"),
+    "calibration, recordings": (
+        "validation/calibration", "validation/recordings", "validation/data_sets", "validation/weiss",
+        "validation/measured_force",
+    ),
+    "campaign, verdict": (
+        "validation/campaign", "validation/credibility", "validation/verdict.py", "validation/resolution",
+    ),
+    "published models": ("validation/published", "validation/regression", "validation/sweeps"),
+    "exports, data sheet": (
+        "validation/simulator_models.py", "validation/simulator_values", "validation/data_sheet.py",
+        "validation/press_files.py", "fastmodel/adapters", "benchmarks/tactilebench/tactilebench",
+    ),
+    "report": ("validation/report", "validation/render", "validation/scene", "validation/text"),
+}  # fmt: skip
 #: Files of tests that read the sources as text, so that they notice changes that change no behaviour.
 READERS = ("test_house.py", "test_imports.py", "test_dependencies.py", "test_documents.py", "test_base_install.py")
 #: Tests that run against one mutant take at most this time without it [s].
@@ -238,10 +267,10 @@ def make_row(name: str, records: list[dict[str, Any]]) -> str:
     return f"| {' | '.join(cells)} | {score} |"
 
 
-def write_score(records: list[dict[str, Any]]) -> str:
-    """Write the table by package, and the survivors as differences, to be read for those that change nothing."""
+def write_score(records: list[dict[str, Any]], rows: dict[str, tuple[str, ...]]) -> str:
+    """Write the table by package or part, and the survivors as differences: some may change nothing."""
     lines = ["| package | mutants | failed | time | survived | no test | score | 95 % interval |", "|---" * 8 + "|"]
-    lines += [make_row(name, [r for r in records if r["path"].startswith(name)]) for name in PACKAGES]
+    lines += [make_row(name, [r for r in records if r["path"].startswith(paths)]) for name, paths in rows.items()]
     lines += [make_row("all", records), ""]
     for record in records:
         if record["outcome"] in ("passed", "no test"):
@@ -250,27 +279,17 @@ def write_score(records: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--cases", type=int, default=150)
-    parser.add_argument("--seed", type=int, default=21)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--paths", nargs="*", default=list(PACKAGES), help="folders and files to change")
-    parser.add_argument("--tests", nargs="*", default=["tests"], help="tests that may notice")
-    parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.measure:
-        measure(given.measure, given.tests)
-        return
-    texts = [path.read_bytes() for path in sorted((ROOT / "tests").rglob("*.py"))]
-    code = hashlib.sha256("".join([*read_sources().values(), *given.tests]).encode() + b"".join(texts)).hexdigest()
-    folder = Path(tempfile.gettempdir()) / f"softcover-mutants-{code[:10]}"
-    folder.mkdir(exist_ok=True)
-    known = Coverage(folder, given.tests)
-    mutants = [each for each in find_mutants(ROOT, PACKAGES) if each.path.startswith(tuple(given.paths))]
+def read_seed() -> int:
+    """Return the first eight hexadecimal digits of the commit as a number."""
+    command = ["git", "rev-parse", "--short=8", "HEAD"]
+    return int(subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout[:8], 16)
+
+
+def score(known: Coverage, folder: Path, paths: tuple[str, ...], given: argparse.Namespace) -> list[dict[str, Any]]:
+    """Try a sample of the mutants of some paths, or go on with it, and return the records in the order drawn."""
+    mutants = [each for each in find_mutants(ROOT, PACKAGES) if each.path.startswith(paths)]
     random.Random(given.seed).shuffle(mutants)  # noqa: S311 -- no secret
-    kept = folder / f"{given.seed}-{hashlib.sha256(' '.join(given.paths).encode()).hexdigest()[:6]}.jsonl"
+    kept = folder / f"{given.seed}-{hashlib.sha256(' '.join(paths).encode()).hexdigest()[:6]}.jsonl"
     records = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     done = {record["number"] for record in records}
     left = [number for number in range(min(given.cases, len(mutants))) if number not in done]
@@ -291,7 +310,33 @@ def main() -> None:
             file.flush()
             records.append(record)
             print(f"{len(records)}: {record['path']}:{record['line']} {record['outcome']}", file=sys.stderr)
-    print(write_score(sorted(records, key=lambda record: record["number"])[: given.cases]))
+    return sorted(records, key=lambda record: record["number"])[: given.cases]
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--cases", type=int, default=150, help="mutants, with --parts of each part")
+    parser.add_argument("--seed", type=int, help="default: the first eight hexadecimal digits of the commit")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--paths", nargs="*", default=list(PACKAGES), help="folders and files to change")
+    parser.add_argument("--parts", action="store_true", help="score each of the nine parts of the product")
+    parser.add_argument("--tests", nargs="*", default=["tests"], help="tests that may notice")
+    parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.measure:
+        measure(given.measure, given.tests)
+        return
+    given.seed = read_seed() if given.seed is None else given.seed
+    texts = [path.read_bytes() for path in sorted((ROOT / "tests").rglob("*.py"))]
+    code = hashlib.sha256("".join([*read_sources().values(), *given.tests]).encode() + b"".join(texts)).hexdigest()
+    folder = Path(tempfile.gettempdir()) / f"softcover-mutants-{code[:10]}"
+    folder.mkdir(exist_ok=True)
+    known = Coverage(folder, given.tests)
+    rows = PARTS if given.parts else {name: (name,) for name in PACKAGES}
+    groups = rows.values() if given.parts else [tuple(given.paths)]
+    records = [each for paths in groups for each in score(known, folder, paths, given)]
+    print(f"seed {given.seed}\n{write_score(records, rows)}")
 
 
 if __name__ == "__main__":

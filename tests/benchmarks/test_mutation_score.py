@@ -69,5 +69,15 @@ def test_scores_count_time_outs_as_noticed(score):
         for k, outcome in enumerate(outcomes)
     ]
     # 18 of 20: the interval of Wilson, (p + z^2 / 2n +- z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n)
-    assert "| all | 20 | 17 | 1 | 1 | 1 | 90.0 % | 69.9..97.2 % |" in score.write_score(records)
-    assert "meshes/a.py:18 (passed)" in score.write_score(records)
+    table = score.write_score(records, {"arrays": ("meshes/a",), "others": ("meshes/b", "fem_reference")})
+    assert "| arrays | 20 | 17 | 1 | 1 | 1 | 90.0 % | 69.9..97.2 % |" in table
+    assert "| others | 0 | 0 | 0 | 0 | 0 | - | - |" in table
+    assert "| all | 20 | 17 | 1 | 1 | 1 | 90.0 % | 69.9..97.2 % |" in table
+    assert "meshes/a.py:18 (passed)" in table
+
+
+def test_parts_name_files_that_exist_and_share_none(score):
+    paths = [path for part in score.PARTS.values() for path in part]
+    assert len(score.PARTS) == 9
+    assert all((ROOT / path).exists() for path in paths)
+    assert not any(a != b and a.startswith(b) for a in paths for b in paths)
