@@ -432,7 +432,6 @@ def plan_touches(
     chosen = plan.choose(before, count)
     np.random.default_rng(0).shuffle(chosen)
     index = np.flatnonzero(sensor.array.active)
-    above = sensor.cover.thickness if isinstance(sensor.cover, Cover) else 0.0
     return NextTouches(
         sensor=sensor.name,
         radius=radius,
@@ -440,7 +439,7 @@ def plan_touches(
         noise_assumed=assumed,
         earlier=0 if earlier is None else len(earlier),
         touches=tuple(
-            Touch(texel=int(index[int(texel)]), at=(x, y, z + above), load=load)
+            Touch(texel=int(index[int(texel)]), at=(x, y, z), load=load)
             for x, y, z, texel in plan.spots[chosen, :4].tolist()
         ),
         expected=plan.expect(before, plan.add(before, plan.roots[chosen])),

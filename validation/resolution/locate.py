@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.distance import pdist
 from scipy.stats import chi2
 
 from meshes import atomic_file
@@ -32,8 +33,10 @@ _LEFT_OUT = 0.5
 #: Share of the largest response around a texel from which a lit texel belongs to a touch there, and rounds in which
 #: several touches are found in turn [-].
 _REACHED, _SWEEPS = 0.02, 3
-#: Largest deviation of lit texels from the touches, over their forces, of a frame that is explained [-].
+#: Largest deviation of texels from the touches, over their forces, of a frame that is explained [-].
 _EXPLAINED = 0.1
+#: Distance of two touches over the pitch, below which they may be one [-].
+_CLOSE = 2.0
 #: Chance of a misfit, or of a further touch by noise alone, that is taken for real [-].
 _CHANCE = 1e-2
 #: Largest force of the prior over the one at which a touch saturates its texel, and over the sum of texel forces [-].
@@ -50,7 +53,8 @@ _MEANINGS = {
     "lit": "fewer than three texels tell a force, so the place is little more than that of a texel",
     "saturated": "these texels tell a least force only",
     "not told apart": "fewer touches explain the frame as well",
-    "not explained": "the deviation is beyond 10 % and beyond noise; look for more touches, or doubt cover and gains",
+    "not explained": "texels deviate by more than 10 % and noise; look for more touches, doubt shape, cover or gains",
+    "closer than two pitches": "they may be one touch, and their intervals are too narrow",
 }
 
 
@@ -68,7 +72,7 @@ class LocatedTouch(Result):
     """One touch.
 
     Attributes:
-        x, y, z: Place on the cover, in the array's frame [m].
+        x, y, z: Place on the top of the cover, in the array's frame; on flat covers z is the thickness [m].
         force: Force [N].
         radius: Radius; None if it is given [m].
     """
@@ -87,7 +91,8 @@ class LocatedFrame(Result):
     Attributes:
         time: Time of the frame [s].
         touches: The touches; empty if none is found.
-        unexplained: Deviation of lit texels from the touches, over their forces, root mean square [-].
+        unexplained: Deviation of the texels from the touches, over their forces, root mean square; dark and saturated
+            texels count by what contradicts them [-].
         words: What limits the result; empty if nothing does.
     """
 
@@ -118,8 +123,9 @@ class Located(Result):
     def explain(self) -> Iterator[str]:
         """Yield sentences about the touches that are looked for, the noise, and the words of frames."""
         low, high = (1e3 * each for each in self.radii)
-        shape = f"of radius {low:.3g} mm" if low == high else f"of an unknown radius from {low:.3g} mm to {high:.3g} mm"
-        yield f"Touches {shape}; {say_noise(self.noise, assumed=self.noise_assumed)}. Intervals hold 95 %."
+        wide = f"Round or slightly oval touches of an unknown radius from {low:.3g} mm to {high:.3g} mm"
+        shape = wide if low < high else f"Round touches of radius {low:.3g} mm" if low else "Point touches"
+        yield f"{shape}; {say_noise(self.noise, assumed=self.noise_assumed)}. Intervals hold 95 %."
         for word, meaning in _MEANINGS.items():
             if any(word in each for frame in self.frames for each in frame.words):
                 yield f"{word}: {meaning}."
@@ -253,16 +259,31 @@ class Locator:
             touches.append(LocatedTouch(x=x, y=y, z=z, force=force, radius=radius))
         full, tells = np.isposinf(reading.high[0]), np.isfinite(reading.low[0])
         lit = tells & ~full & (level > _REST * self.channel.spread)
-        apart = (_sum_forces(parts) - level)[lit]
-        share = float(np.linalg.norm(apart) / max(float(np.linalg.norm(level[lit])), 1e-300))
-        free = max(int(lit.sum()) - sum(part.search.size for part in parts), 1)
+        apart = self._contradict(reading, level, _sum_forces(parts))
+        share = float(np.linalg.norm(apart) / max(float(np.linalg.norm(level[lit | tells & full])), 1e-300))
+        free = max(int((lit | (apart != 0)).sum()) - sum(part.search.size for part in parts), 1)
         if share > _EXPLAINED and ((apart / self.channel.spread) ** 2).sum() > chi2.isf(_CHANCE, free):
             words = (*words, f"not explained by {len(touches)} touch{'es' if len(touches) > 1 else ''}")
+        places = np.array([[touch.x.value, touch.y.value, touch.z.value] for touch in touches])
+        if len(places) > 1 and pdist(places).min() < _CLOSE * max(self.touches.pitch):
+            words = (*words, "touches closer than two pitches")
         saturated, told = int((full & tells).sum()), int(lit.sum())
         for count, word, said in ((saturated, "saturated", saturated > 0), (told, "lit", told < _LIT)):
             if said:
                 words = (*words, f"{count} texel{'s' if count != 1 else ''} {word}")
         return LocatedFrame(time=time, touches=tuple(touches), unexplained=share, words=words)
+
+    def _contradict(self, reading: Reading, level: FloatArray, forces: FloatArray) -> FloatArray:
+        """Compute the deviation of forces from what each texel tells, shape (n,) [N].
+
+        Forces within the dead zone agree with a dark texel, forces beyond saturation with a saturated one, and all with
+        a texel that was not measured or neither shows a touch nor lies under one.
+        """
+        low, high = (each[0] for each in reading)
+        under = np.maximum(level, forces) > _REST * self.channel.spread
+        least, most = np.where(np.isfinite(low), level, -np.inf), np.where(np.isfinite(high), high, np.inf)
+        most = np.where(np.isfinite(low) & np.isfinite(high), level, most)
+        return np.asarray(np.where(under, np.maximum(forces - most, 0) + np.minimum(forces - least, 0), 0.0))
 
 
 def make_locator(

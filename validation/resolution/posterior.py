@@ -67,7 +67,7 @@ class Posterior(NamedTuple):
         low, high = np.transpose([
             np.interp([0.025, 0.975], total[:, k], values[order[:, k], k]) for k in range(values.shape[1])
         ])  # fmt: skip
-        return self.weights @ values, low, high
+        return values[0] + self.weights @ (values - values[0]), low, high
 
 
 class Drawn(NamedTuple):

@@ -140,7 +140,7 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
         )
 
     return Touches(
-        origins=array.centres[active],
+        origins=array.centres[active] + [0.0, 0.0, cover.thickness],
         axes=np.broadcast_to(np.eye(3)[:2], (len(centres), 2, 3)),
         pitch=array.pitch,
         respond=respond,

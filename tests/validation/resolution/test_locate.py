@@ -163,6 +163,55 @@ def test_what_a_frame_does_not_tell_is_said(touches, points, counted):
     assert "not explained by 1 touch" in find(points, corners, seed=2).words
 
 
+@pytest.mark.parametrize(
+    ("columns", "level"),
+    [
+        pytest.param((1, 4), 9.0, id="saturated, and dark between them"),
+        pytest.param((1, 2, 3, 4), 9.0, id="saturated over more than a touch is wide"),
+        pytest.param((1, 4), 0.4, id="dark between two lit ones"),
+    ],
+)
+def test_dark_and_saturated_texels_contradict_a_touch(touches, counted, columns, level):
+    """A round touch, also the widest one, presses the texels between two that it lights, and few at the same force."""
+    row = np.zeros((WTS.array.rows, WTS.array.columns))
+    row[6, list(columns)] = level
+    wide = Locator(touches=touches, channel=counted.channel, centres=WTS.array.centres, radii=(0.0, PITCH[0]))
+    for locator in (counted, wide):
+        found = find(locator, row.ravel())
+        assert "not explained by 1 touch" in found.words
+        assert found.unexplained > 0.1
+    pair = find(counted, sum(press(touches, [0, 0], 3.0, texel=6 * 6 + each)[0] for each in (0, 5)), count=2)
+    assert len(pair.touches) == 2
+    assert not any("not explained" in each for each in pair.words)
+
+
+def test_elongated_touches_are_told_from_round_ones(touches, points):
+    line = sum(press(touches, [along, 0], 0.5)[0] for along in np.linspace(-2, 2, 9) * PITCH[0]) / 4
+    round_one, _ = press(touches, [0.2e-3, 0.1e-3], 1.1)
+    assert "not explained by 1 touch" in find(points, line, seed=4).words
+    assert find(points, round_one, seed=4).words == ()
+
+
+def test_touches_closer_than_two_pitches_may_be_one(touches, points):
+    first, _ = press(touches, [0.1e-3, 0.2e-3], 1.0)
+    for columns, close in ((1, True), (3, False)):
+        second, _ = press(touches, [0.1e-3, 0.2e-3], 1.0, texel=MIDDLE + columns)
+        found = find(points, first + second, seed=1, count=2)
+        assert len(found.touches) == 2
+        assert ("touches closer than two pitches" in found.words) == close
+
+
+def test_a_touch_lies_on_the_top_of_the_cover(touches, points):
+    touch = find(points, press(touches, [0.4e-3, 0.2e-3])[0]).touches[0]
+    assert touch.z.low == touch.z.value == touch.z.high == WTS.cover.thickness
+
+
+def test_the_sentences_name_the_touches_that_are_assumed():
+    counts = np.zeros((1, WTS.array.count), dtype=int)
+    for radius, words in (("0 mm", "Point touches;"), ("1 mm", "Round touches of radius 1 mm;"), (None, "Round or sl")):
+        assert next(WTS.locate(counts, noise="5 mN", radius=radius).explain()).startswith(words)
+
+
 def test_a_sensor_locates_touches_in_its_counts(touches):
     forces, at = press(touches, [0.7e-3, 0.2e-3], 2.0)
     found = WTS.locate(COUNTS.counts(forces), noise="5 mN", radius="0 mm").frames[0]
@@ -213,6 +262,7 @@ def test_a_touch_on_a_curved_cover_is_found(small_pad):
     found = find(locator, forces, seed=3)
     assert middle(found)[2] == pytest.approx(1.0, abs=0.03)
     assert middle(found)[:2] == pytest.approx(at, abs=1e-4)
+    assert found.touches[0].z.value == pytest.approx(small_pad.cover.thickness, rel=1e-6)
 
 
 def test_few_lit_texels_that_no_touch_explains_and_counts_of_another_sensor_are_told():

@@ -47,6 +47,7 @@ def locate(
         out: Write all touches as CSV.
         picture: Draw the brightest frame with its touches, a .png or .svg file.
     """
+    from meshes import Cover
     from validation.resolution import verb
 
     description = options.read_description(sensor, cover, any_cover=True)
@@ -55,13 +56,12 @@ def locate(
             description, file, touches=touches, radius=radius, noise=noise, array=array, topic=topic, out=out,
             picture=picture, progress=progress,
         )  # fmt: skip
-    output.print_json(found.as_json()) if json else _print(found)
+    output.print_json(found.as_json()) if json else _print(found, flat=isinstance(description.cover, Cover))
     for path in filter(None, (out, picture)):
         output.say(f"wrote {path}")
 
 
-def _print(found: Located) -> None:
-    flat = not any(touch.z.value for frame in found.frames for touch in frame.touches)
+def _print(found: Located, *, flat: bool) -> None:
     rows = []
     for frame in found.frames:
         for touch in frame.touches or (None,):
