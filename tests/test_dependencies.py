@@ -19,7 +19,7 @@ OWN = {
     "tactilebench",
     *(
         path.stem
-        for folder in ("examples", "benchmarks", "benchmarks/tactilebench")
+        for folder in ("examples", "benchmarks", "benchmarks/tactilebench", "benchmarks/tactilebench/adapters")
         for path in (ROOT / folder).glob("*.py")
     ),
 }
@@ -29,7 +29,7 @@ TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-
 BENCHMARKS_ONLY = {
     *("felupe", "netgen", "ngsolve", "coverage"),
     *("stable_baselines3", "robosuite", "dm_control", "shimmy"),
-    *("mujoco_warp", "warp", "torch"),
+    *("mujoco_warp", "warp", "torch", "pydrake"),
 }
 
 

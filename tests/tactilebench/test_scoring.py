@@ -12,6 +12,7 @@ import pytest
 import tactilebench
 from meshes import TexelArray
 from tactilebench.scoring import SCORES
+from tests.support.score_schema import check_scores
 from validation import metrics
 
 PACKAGE = Path(tactilebench.__file__).parent
@@ -117,24 +118,8 @@ def test_no_truth_within_the_intervals_scores_beyond_the_interval_of_a_score(kno
 
 
 def test_files_of_scores_fit_the_schema(known):
-    schema = json.loads((PACKAGE / "score.schema.json").read_text())
-
-    def check(value, form):
-        form = schema["$defs"][form["$ref"].split("/")[-1]] if "$ref" in form else form
-        kinds = {"object": dict, "array": list, "string": str, "number": float, "null": type(None), "integer": int}
-        names = [form["type"]] if isinstance(form["type"], str) else form["type"]
-        assert isinstance(value, tuple(kinds[name] for name in names)), (value, form)
-        if isinstance(value, dict):
-            assert set(form.get("required", ())) <= set(value)
-            for key, each in value.items():
-                check(each, form.get("properties", {}).get(key) or form["additionalProperties"])
-        for each in value if isinstance(value, list) else ():
-            check(each, form["items"])
-        if "pattern" in form:
-            assert re.match(form["pattern"], value)
-
     result = tactilebench.score({case.name: nearest(case) for case in known}, known)
-    check(json.loads(json.dumps(result, allow_nan=False)), schema)
+    check_scores(json.loads(json.dumps(result, allow_nan=False)))
 
 
 @pytest.mark.slow
