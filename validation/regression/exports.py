@@ -1,9 +1,11 @@
-"""Experiments of the regression check on what is written for others: data sheets and exported models."""
+"""Experiments of the regression check on what is written for others: data sheets, exported models and values."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,16 +13,21 @@ import numpy as np
 from fastmodel import Butterworth, Parameters
 from fastmodel.adapters.gazebo import write_block
 from fastmodel.adapters.rigid_models import list_boxes, write_sdf, write_urdf
-from meshes import TexelArray
+from meshes import Cover, TexelArray
 from validation.data_sheet import make_datasheet
 from validation.regression.experiments import LINE, STAGES, make_oblong
-from validation.regression.reading import Readings, Subject, list_numbers, read
+from validation.regression.reading import Reading, Readings, Subject, list_numbers, read
 from validation.simulator_models import make_mjcf
+
+if TYPE_CHECKING:
+    from validation.simulator_values.scoring import ScoredValues
 
 #: Pattern of a number in a text.
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?(?![\w.])", re.IGNORECASE)
 #: Normal of the two texels of the exported array, so that roll, pitch and yaw of their boxes are not zero [-].
 _NORMAL = (0.36, -0.48, 0.8)
+#: Formats whose values are guarded; the other ones share their laws.
+_FORMS = ("drake", "genesis", "isaac", "lerobot")
 
 
 def measure_data_sheet(subject: Subject) -> Readings:
@@ -54,6 +61,41 @@ def measure_exports(subject: Subject) -> Readings:  # noqa: ARG001 -- every expe
         "Gazebo": write_block(replace(oblong, array=whole, electronics=replace(LINE, threshold=30.0))),
     }
     return {name: read(_list_numbers_of(text), "as written", "0.1 % of each") for name, text in texts.items()}
+
+
+def measure_values(subject: Subject) -> Readings:
+    """Fit and score the values for simulators over the sensor's range of loads, and list those of Drake's file."""
+    from validation.simulator_values.scoring import make_presses
+    from validation.simulator_values.targets import TARGETS, score_target
+
+    sensor = None if subject.derivation is None else subject.derivation.sensor
+    parameters = subject.parameters
+    if sensor is None or not isinstance(sensor.cover, Cover) or sensor.cover.size is not None:
+        return {}
+    if not parameters.array.regular:
+        return {}
+    presses = make_presses(sensor.cover, parameters, None, lambda _: None)
+    scores = {
+        form: score_target(
+            form, sensor, parameters, loads=None, command="", progress=lambda _: None, presses=presses
+        )
+        for form in _FORMS
+    }  # fmt: skip
+    rows = {f"{form}, {row.name}": row for form, found in scores.items() for row in found.rows}
+    drake = TARGETS["drake"].write(scores["drake"], sensor, parameters)
+
+    def collect(unit: str, tolerance: float | str, take: Callable[[ScoredValues], object]) -> Reading | None:
+        return read(list_numbers({name: take(row) for name, row in rows.items()}), unit, tolerance)
+
+    return {
+        "values": collect("SI", "1 % of each", lambda row: row.parameters),
+        "misplaced force": collect("%", 0.1, lambda row: [row.mean, row.worst]),
+        "depth": collect("of the reference", "1 % of each", lambda row: [each.depth_ratio for each in row.presses]),
+        "spread": read(
+            {"": np.asarray(scores["drake"].spread["share"])[0].tolist()}, "of the force", "0.5 % of largest"
+        ),
+        "file for Drake": read(_list_numbers_of(drake), "as written", "1 % of each"),
+    }
 
 
 def _list_numbers_of(text: str) -> dict[str, list[float]]:

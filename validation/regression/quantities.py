@@ -325,6 +325,7 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "uncertainty": measure_uncertainty,
         "data sheet": exports.measure_data_sheet,
         "export": exports.measure_exports,
+        "exported values": exports.measure_values,
         "verdict": made_up.judge_fixed_scores,
         "calibration": made_up.calibrate_fixed_recordings,
         "recordings": made_up.score_fixed_recordings,

@@ -30,7 +30,7 @@ from validation.simulator_values.models import (
     list_taxels,
     tabulate_kernel,
 )
-from validation.simulator_values.scoring import ScoredValues, make_presses, score
+from validation.simulator_values.scoring import Presses, ScoredValues, make_presses, score
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -153,6 +153,7 @@ def score_target(
     loads: tuple[float, float] | None,
     command: str,
     progress: Callable[[str], None],
+    presses: Presses | None = None,
 ) -> Scores:
     """Fit and score the values that a simulator asks for.
 
@@ -163,6 +164,7 @@ def score_target(
         loads: Smallest and largest load [N]; None for those of the electronics, see `find_loads`.
         command: Command that is written into the file, without its loads.
         progress: Called with a line of text before each step.
+        presses: The presses, if they were made before; otherwise they are made.
 
     Raises:
         InputError: If nothing is scored on this kind of array or cover, or the cover does not bear the loads.
@@ -174,7 +176,7 @@ def score_target(
             f"--format {form}: values are scored on a regular flat array under a cover without side edges only; "
             f"{sensor.source} has {'side edges (cover.size)' if cover.size is not None else 'another array'}"
         )
-    presses = make_presses(cover, parameters, loads, progress)
+    presses = presses or make_presses(cover, parameters, loads, progress)
     progress(f"fits of {len(presses.presses)} presses")
     rows = score(target.laws(cover, parameters), cover, presses.presses)
     deepest = max(press.reference.depth for press in presses.presses)

@@ -4,6 +4,8 @@
 A plant takes pytest's `monkeypatch` and the healthy parameters, and returns the parameters to measure.
 """
 
+from __future__ import annotations
+
 import contextlib
 import inspect
 import textwrap
@@ -57,7 +59,9 @@ def rewrite(monkeypatch, owner, name, old, new):
     source = textwrap.dedent(inspect.getsource(getattr(owner, name)))
     assert source.count(old) == 1, f"{name}: {old!r} stands {source.count(old)} times in the source"
     names = {}
-    exec(compile(source.replace(old, new), module.__file__, "exec"), vars(module) | {}, names)  # noqa: S102 -- ours
+    exec(
+        compile(source.replace(old, new), module.__file__, "exec", annotations.compiler_flag), vars(module) | {}, names
+    )  # noqa: S102 -- ours
     monkeypatch.setattr(owner, name, names[name])
 
 

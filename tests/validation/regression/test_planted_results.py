@@ -25,6 +25,7 @@ from validation.published.models import Row
 from validation.regression import quantities
 from validation.regression.baseline import compare
 from validation.sensor_file import load
+from validation.simulator_values import scoring, targets
 
 pytestmark = pytest.mark.slow
 CURVED = Path(__file__).parents[3] / ".ci" / "bent-pad.toml"
@@ -59,6 +60,18 @@ def weaken_curved_model(_monkeypatch, parameters):
 
 def halve_recorded_iteration(monkeypatch, parameters):
     monkeypatch.setattr(recorded, "ITERATION", recorded.ITERATION / 2)
+    return parameters
+
+
+def write_half_space(monkeypatch, parameters):
+    drake = targets.TARGETS["drake"]
+
+    def write(scores, *others):
+        (row, *rows) = scores.rows
+        doubled = replace(row, parameters={**row.parameters, "modulus": 2 * row.parameters["modulus"]})
+        return drake.write(replace(scores, rows=(doubled, *rows)), *others)
+
+    monkeypatch.setitem(targets.TARGETS, "drake", replace(drake, write=write))
     return parameters
 
 
@@ -139,6 +152,33 @@ PLANTS = {
         "electronics: all",
     ),
     "angles of URDF in another order": ("flat", edit(rigid_models, "compute_angles", '"xyz"', '"zyx"'), "export: URDF"),
+    "exported values +2 %": (
+        "flat",
+        edit(scoring, "_score", "dict(values)", "{key: 1.02 * each for key, each in values.items()}"),
+        "exported values: values",
+    ),
+    "depth of exported laws -2 %": (
+        "flat",
+        edit(
+            scoring, "_score", "candidate.sink(press.scene, **values)", "0.98 * candidate.sink(press.scene, **values)"
+        ),
+        "exported values: depth",
+    ),
+    "misplaced force of exported laws without the worst press": (
+        "flat",
+        edit(scoring, "_score", "max(errors)", "sorted(errors)[-2]"),
+        "exported values: misplaced force",
+    ),
+    "spread of the export on a coarser table": (
+        "flat",
+        edit(targets, "score_target", "_SPREAD_STEP * min", "1.05 * _SPREAD_STEP * min"),
+        "exported values: spread",
+    ),
+    "modulus of a half space in Drake's box": (
+        "flat",
+        write_half_space,
+        "exported values: file for Drake",
+    ),
     "width in the data sheet without pitch": (
         "flat",
         edit(data_sheet, "_list_space", "_WIDTH_AT_HALF * s * p", "_WIDTH_AT_HALF * s * 1e-3"),
@@ -177,6 +217,8 @@ def test_a_change_is_red_and_names_the_quantity(name, monkeypatch):
     assert title in {each.quantity for each in compare(stored, measured(kind, group, parameters), {})}
 
 
-@pytest.mark.parametrize("group", ["verdict", "export", "data sheet", "calibration", "recordings", "edge"])
+@pytest.mark.parametrize(
+    "group", ["verdict", "export", "exported values", "data sheet", "calibration", "recordings", "edge"]
+)
 def test_unchanged_results_are_green(group):
     assert compare(healthy("flat", group), measured("flat", group, derived("flat").parameters), {}) == []
