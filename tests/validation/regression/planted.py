@@ -49,7 +49,7 @@ from validation.text import indenter
 
 #: Groups of quantities that need finite elements.
 WITH_ELEMENTS = (
-    "kernel", "shipped parameters", "reference", "accuracy", "friction", "relaxing cover", "comparison models", "uncertainty", "recordings",
+    "kernel", "shipped parameters", "reference", "accuracy", "friction", "relaxing cover", "comparison models", "uncertainty", "exported values", "recordings",
 )  # fmt: skip
 
 
@@ -59,9 +59,8 @@ def rewrite(monkeypatch, owner, name, old, new):
     source = textwrap.dedent(inspect.getsource(getattr(owner, name)))
     assert source.count(old) == 1, f"{name}: {old!r} stands {source.count(old)} times in the source"
     names = {}
-    exec(
-        compile(source.replace(old, new), module.__file__, "exec", annotations.compiler_flag), vars(module) | {}, names
-    )  # noqa: S102 -- ours
+    code = compile(source.replace(old, new), module.__file__, "exec", annotations.compiler_flag)
+    exec(code, vars(module) | {}, names)  # noqa: S102 -- ours
     monkeypatch.setattr(owner, name, names[name])
 
 
