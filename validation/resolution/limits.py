@@ -25,8 +25,8 @@ from validation.resolution.touches import Touches, find_touches
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
-#: Middle of the cell in which a touch may be, from a texel along x and y, over the pitch, by prior [-].
-SHIFTS = {"around": 0.0, "between": 0.5}
+#: Distance of the texels next to one, over the pitch, least and largest [-].
+_NEXT = 0.5, 1.5
 #: Places along each side of a pitch at which a touch is tried, and frames drawn at each [-].
 _PLACES, _FRAMES = 4, 16
 #: Frames drawn at each place where a number for every texel is wanted [-].
@@ -80,7 +80,7 @@ class Limits(Result):
         noise_assumed: Whether it is one count, because none is stated.
         texel: Index of the texel around or beside which the touches lie.
         prior: Where a touch may be: `around`, within a pitch around the texel; `between`, in the cell between the
-            centre of the texel and those next along x and y.
+            centre of the texel and those next along x and y, within a pitch across if the array has one row or column.
         tip_share: Share of the force that a texel under the tip measures, for which the line of counts was measured;
             None if the line takes the force on a texel [-].
         ideal: Limits with noise alone, without electronics.
@@ -146,7 +146,7 @@ class Study:
     texel: int
     load: float
     radius: float = 0.0
-    shift: float = 0.0
+    shift: FloatArray | float = 0.0
 
     @property
     def ends(self) -> tuple[FloatArray, FloatArray]:
@@ -161,8 +161,8 @@ class Study:
     @property
     def places(self) -> FloatArray:
         """Places within a pitch, shape (k, 2) [m]."""
-        line = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5 + self.shift
-        return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2) * self.pitch
+        line = (np.arange(_PLACES) + 0.5) / _PLACES - 0.5
+        return (np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2) + self.shift) * self.pitch
 
     def respond(self, places: FloatArray, radius: float | None = None) -> FloatArray:
         """Compute the force on each texel per unit force at each place, shape (k, n) [-]."""
@@ -369,6 +369,26 @@ def study_middle(
     return Study(touches=touches, channel=channel, texel=texel, load=load, radius=radius)
 
 
+def find_cell(touches: Touches, texel: int) -> FloatArray:
+    """Find the middle of the cell between a texel and those next along its x and y, shape (2,) [pitch].
+
+    The texels next in the direction of the axis come first; along an axis without any the cell lies around the texel.
+
+    Args:
+        touches: Texel forces of touches.
+        texel: Index of the texel among the active ones.
+
+    Raises:
+        InputError: If no texel is next.
+    """
+    apart = (touches.origins - touches.origins[texel]) @ touches.axes[texel].T / np.array(touches.pitch)
+    along = (np.abs(apart) > _NEXT[0]) & (np.abs(apart) < _NEXT[1]) & (np.abs(apart[:, ::-1]) < _NEXT[0])
+    found = np.where((along & (apart > 0)).any(axis=0), 0.5, np.where(along.any(axis=0), -0.5, 0.0))
+    if not found.any():
+        raise InputError(f"--prior: no texel that measures is next to texel {texel}; leave `between` out")
+    return np.asarray(found)
+
+
 def list_limits(study: Study, separation: float | None) -> tuple[Limit, ...]:
     """List the limits of a study: places, force, radius, separation, least force."""
     found = []
@@ -455,7 +475,8 @@ def find_limits(
         progress: Called with a line of text before each step.
 
     Raises:
-        InputError: If the characteristic falls, has too many counts, or the thickness of a curved cover is to change.
+        InputError: If the characteristic falls, has too many counts, the thickness of a curved cover is to change, or
+            there is nothing between texels.
         ConvergenceError: If finite elements are needed and did not converge.
     """
     cover, array = sensor.cover, sensor.array
@@ -463,7 +484,7 @@ def find_limits(
     counted, assumed = find_channel(sensor, noise, progress)
     ideal = Channel(noise=counted.noise)
     middle = study_middle(sensor, counted, load=load, radius=radius, progress=progress)
-    study = replace(middle, shift=SHIFTS[prior])
+    study = replace(middle, shift=find_cell(middle.touches, middle.texel) if prior == "between" else 0.0)
     by_texel: list[float | None] = [None] * array.count if over_array else []
     for number, texel in enumerate(np.flatnonzero(array.active) if over_array else ()):
         by_texel[texel] = find_place_error(replace(study, texel=number, shift=0.0), _MAP_FRAMES)

@@ -11,9 +11,10 @@ import fastmodel
 import validation
 from fastmodel.signal.electronics import Electronics
 from fem_reference.closed_form.layer import tabulate_texel_response
+from meshes import TexelArray
 from validation.errors import InputError
 from validation.resolution.channel import Channel, make_channel
-from validation.resolution.limits import Study, find_place_error, list_limits
+from validation.resolution.limits import Study, find_cell, find_limits, find_place_error, list_limits
 from validation.resolution.touches import find_touches
 
 WTS = validation.load("wts-0614-34")
@@ -184,6 +185,29 @@ def test_a_touch_between_texels_is_told_by_those_around_it(study, counts, thickn
     cover = replace(WTS.cover, layers=(replace(WTS.cover.layers[0], thickness=thickness),))
     seen = see(study, counts, touches=find_touches(cover, WTS), load=0.3, shift=0.5)
     assert find_place_error(seen) == pytest.approx(error, rel=0.05)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 5), (5, 1), (1, 2), (2, 2), (3, 4)])
+def test_a_cell_between_texels_lies_within_the_array(rows, columns):
+    """Its middle is that of two neighbours along each axis that has several, and its places are nearer to no other."""
+    array = TexelArray.grid(rows, columns, WTS.array.pitch, texel_size=WTS.array.texel_size)
+    sensor = replace(WTS, array=array)
+    for texel in range(array.count):
+        touches = find_touches(WTS.cover, sensor)
+        seen = Study(
+            touches=touches, channel=Channel(noise=NOISE), texel=texel, load=1.0, shift=find_cell(touches, texel)
+        )
+        middle = array.centres[texel, :2] + np.mean(seen.ends, axis=0)
+        reach = np.sort(np.linalg.norm(array.centres[:, :2] - middle, axis=1))
+        corners = 2 if 1 in (rows, columns) else 4
+        assert reach[:corners] == pytest.approx(np.full(corners, array.pitch[0] * (0.5 if corners == 2 else 0.5**0.5)))
+        assert (np.abs(array.centres[texel, :2] + seen.places) < np.array(array.extent) / 2 + 1e-9).all()
+
+
+def test_one_texel_has_no_cell_between():
+    sensor = replace(WTS, array=TexelArray.grid(1, 1, WTS.array.pitch, texel_size=WTS.array.texel_size))
+    with pytest.raises(InputError, match="--prior: no texel that measures is next to texel 0"):
+        find_limits(sensor, load=1.0, noise=NOISE, prior="between")
 
 
 @pytest.mark.slow
