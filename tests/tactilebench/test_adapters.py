@@ -189,9 +189,9 @@ def compare_with_shipped(folder, name, *, rel):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["touch-grid", "tactile"])
-def test_sensors_of_mujoco_bear_the_load_and_score_as_shipped(tmp_path, engine):
-    found = run_adapter(tmp_path, "mujoco_press.py", "--engine", engine, "--cases", "4")
+@pytest.mark.parametrize(("engine", "count"), [("touch-grid", "4"), ("tactile", "8")])
+def test_sensors_of_mujoco_bear_the_load_and_score_as_shipped(tmp_path, engine, count):
+    found = run_adapter(tmp_path, "mujoco_press.py", "--engine", engine, "--cases", count)
     assert found.returncode == 0, found.stderr
     compare_with_shipped(tmp_path, f"mujoco-{engine}", rel=0.02)
 
