@@ -102,11 +102,16 @@ def find_reach(parts: Sequence[Part]) -> float:
 
 
 def sum_on_texels(case: Case, points: FloatArray, forces: FloatArray) -> FloatArray:
-    """Add forces (m,) [N] at points (m, 2) [m] to the texels (n,) on which they lie; others are left out [N]."""
-    apart = np.abs(points[:, None] - case.centres[None, :, :2])
-    inside = (apart <= np.array(case.texel_size) / 2 + 1e-12).all(axis=2)
-    shared = inside / np.maximum(inside.sum(axis=1, keepdims=True), 1)  # a point on a border counts half on each side
-    return np.asarray(forces @ shared)
+    """Add forces (m,) [N] at points (m, 2) [m] to the texels (n,) of a flat array on which they lie [N].
+
+    A point on a border counts half on each side; a point between texels or beyond them is left out.
+    """
+    middles = case.centres[: case.columns, 0], case.centres[:: case.columns, 1]
+    shares = []
+    for at, middle, size in zip(points.T, middles, case.texel_size, strict=True):
+        inside = np.abs(at[:, None] - middle) <= size / 2 + 1e-12
+        shares.append(inside / np.maximum(inside.sum(axis=1, keepdims=True), 1))
+    return np.asarray(((shares[1].T * forces) @ shares[0]).ravel())
 
 
 def integrate(corners: FloatArray, pressure: FloatArray, edge: float) -> tuple[FloatArray, FloatArray]:
@@ -138,15 +143,17 @@ def integrate(corners: FloatArray, pressure: FloatArray, edge: float) -> tuple[F
 
 
 def choose_cases(options: argparse.Namespace) -> list[Case]:
-    """Return the static cases of one body on wide flat layers, of the tier and as many as the options say."""
+    """Return the static cases of one body on wide flat layers without friction that the options ask for."""
     known = load_truth(options.truth) if options.truth else cases()
     found = [
         case for case in known
         if case.tier == options.tier and len(case.bodies) == 1 and not (case.motion or case.cover.size)
-        and not case.cover.geometry
+        and not (case.cover.geometry or case.cover.friction)
     ]  # fmt: skip
     if not found[: options.cases]:
-        raise BenchError(f"--tier {options.tier}: no case of one body at rest on wide flat layers is known here")
+        raise BenchError(
+            f"--tier {options.tier}: no case of one body at rest on wide flat layers without friction is known here"
+        )
     return found[: options.cases]
 
 

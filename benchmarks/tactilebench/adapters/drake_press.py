@@ -33,12 +33,12 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.optimize import brentq
 
-from tactilebench import Case
+from tactilebench import BenchError, Case
 
 #: Factor on the modulus of E / h, by variant [-].
 FACTORS = {"youngs": 1.0, "fitted": 2.3}
-#: Longest edge of triangles for the integral over a texel, over the smallest pitch [-].
-EDGE = 1 / 12
+#: Longest edge of triangles over the smallest pitch, for the integral over a texel by variant, and on bodies [-].
+EDGES, EDGE = {"youngs": 1 / 12, "fitted": 1 / 6}, 1 / 12
 #: Least depth; Drake does not cut a face that lies in the surface [m].
 FIRST = 1e-8
 
@@ -58,6 +58,8 @@ class Scene:
     def __init__(self, case: Case, factor: float) -> None:
         self._case, self._body, parts = case, case.bodies[0], make_parts(case.bodies[0])
         self._bottom = find_bottom(parts, self._body.rotation)
+        if len(case.cover.layers) > 1:
+            raise BenchError(f"{case.name} has several layers; the modulus of one is taken, as in --tier linear")
         (layer,) = case.cover.layers
         soft, rigid = ProximityProperties(), ProximityProperties()
         AddCompliantHydroelasticPropertiesForHalfSpace(layer.thickness, factor * layer.youngs_modulus, soft)
@@ -93,8 +95,15 @@ class Scene:
             pressures.append(values[faces])
         return np.concatenate(corners), np.concatenate(pressures)
 
-    def press(self) -> tuple[FloatArray, FloatArray]:
-        """Sink the body until it bears its load; returns points on the cover, shape (k, 2) [m], and forces (k,) [N]."""
+    def press(self, edge: float) -> tuple[FloatArray, FloatArray]:
+        """Sink the body until it bears its load.
+
+        Args:
+            edge: Longest edge of the triangles of the integral [m].
+
+        Returns:
+            Points on the cover, shape (k, 2) [m], and forces at them, shape (k,) [N].
+        """
 
         def miss(depth: float) -> float:
             return float(integrate(*self.touch(depth), np.inf)[1].sum()) - self._body.load
@@ -103,12 +112,12 @@ class Scene:
         while miss(deepest) < 0:
             deepest *= 1.5
         depth = brentq(miss, FIRST, deepest, xtol=1e-10, rtol=1e-7)
-        return integrate(*self.touch(depth), EDGE * min(self._case.pitch))
+        return integrate(*self.touch(depth), edge)
 
 
 def press(case: Case, variant: str) -> FloatArray:
     """Return the forces on the texels of a case, shape (n,) [N]."""
-    points, forces = Scene(case, FACTORS[variant]).press()
+    points, forces = Scene(case, FACTORS[variant]).press(EDGES[variant] * min(case.pitch))
     if variant == "youngs":
         return sum_on_texels(case, points, forces)
     from fem_reference.closed_form.layer import tabulate_texel_response
