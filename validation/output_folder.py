@@ -59,7 +59,7 @@ def make_file_name(name: str, *, suffix: str) -> str:
 
 
 @contextlib.contextmanager
-def new_folder(target: Path) -> Iterator[Path]:
+def new_folder(target: Path, option: str = "--out") -> Iterator[Path]:
     """Provide a temporary folder beside `target`, and rename it to `target` if the `with` block raises no error.
 
     The temporary folder is made at the start, so that an unwritable location is reported before a long computation.  If
@@ -69,6 +69,7 @@ def new_folder(target: Path) -> Iterator[Path]:
 
     Args:
         target: Output folder.  An existing folder is replaced if it holds only a previous output of this program.
+        option: Option that names the folder; error messages begin with it.
 
     Yields:
         The temporary folder, to which the caller writes.
@@ -80,7 +81,7 @@ def new_folder(target: Path) -> Iterator[Path]:
     """
     target = target.absolute()
     _restore_lost(target)
-    _check_replaceable(target)
+    _check_replaceable(target, option)
     with contextlib.ExitStack() as cleanup:
         work = _make_work_folder(target)
         cleanup.callback(_discard, work, target)
@@ -96,7 +97,7 @@ def new_folder(target: Path) -> Iterator[Path]:
             if error.filename is None and error.errno is not None:  # for example on a full disk
                 raise OSError(error.errno, error.strerror, str(target)) from None
             raise
-        _check_replaceable(target)  # The folder may have changed, because the computation may have taken hours.
+        _check_replaceable(target, option)  # The folder may have changed, because the computation may have taken hours.
         if not (target.exists() and _exchange(fresh, target)):
             if target.exists():
                 target.rename(work / _BEFORE)  # `_discard` moves the folder back if the next line fails.
@@ -104,9 +105,9 @@ def new_folder(target: Path) -> Iterator[Path]:
         atomic_file.flush(target.parent)
 
 
-def optional_folder(target: Path | str | None) -> contextlib.AbstractContextManager[Path | None]:
+def optional_folder(target: Path | str | None, option: str = "--out") -> contextlib.AbstractContextManager[Path | None]:
     """Provide a folder as `new_folder` does, or None without a target."""
-    return new_folder(Path(target)) if target else contextlib.nullcontext()
+    return new_folder(Path(target), option) if target else contextlib.nullcontext()
 
 
 def _exchange(one: Path, other: Path) -> bool:
@@ -226,24 +227,24 @@ def _hash(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _check_replaceable(target: Path) -> None:
+def _check_replaceable(target: Path, option: str) -> None:
     """Check that the output folder `target` is missing, or holds only what this program wrote to it.
 
     Raises:
         InputError: If it is a file or a link, or its files differ from those in its manifest.
     """
     if target.is_symlink():
-        raise InputError(f"--out: {target} is a link; name a folder")
+        raise InputError(f"{option}: {target} is a link; name a folder")
     if not target.is_dir():
         if target.exists():
-            raise InputError(f"--out: {target} is a file; name a folder")
+            raise InputError(f"{option}: {target} is a file; name a folder")
         return
     hashes = _read_manifest(target)
     for path in _list_files(target):
         name = path.relative_to(target).as_posix()
         if not hashes.get(name) or hashes[name] != _hash(path):
             fault = "was changed after softcover wrote it" if hashes.get(name) else "softcover did not write"
-            raise InputError(f"--out: {target} holds {name}, which {fault}; name a new or an empty folder")
+            raise InputError(f"{option}: {target} holds {name}, which {fault}; name a new or an empty folder")
 
 
 def _read_manifest(folder: Path) -> dict[str, str]:

@@ -92,7 +92,7 @@ def next_touches(
     common = faults.read(read_positive, shift_error, "length", far, place="--shift-error", zero=True)
     faults.refuse()
     require("skfem", useful=("matplotlib",) if out else ())
-    with optional_folder(out) as folder:
+    with optional_folder(out, "--plan") as folder:
         found = plan_touches(
             description,
             count,

@@ -70,7 +70,7 @@ def limits(
         ConvergenceError: If finite elements are needed and did not converge.
     """
     description, target = describe(sensor), None if picture is None else Path(picture)
-    options = _read_options(description, load=load, noise=noise, two=two, radius=radius, thicknesses=thicknesses)
+    options = read_limits(description, load=load, noise=noise, two=two, radius=radius, thicknesses=thicknesses)
     _check_picture(target)
     refuse_existing("--picture", target)
     check_writable(target)
@@ -158,14 +158,14 @@ def _check_picture(target: Path | None) -> None:
         raise InputError(f"--picture: {target} is neither .png nor .svg; write for example --picture {target.stem}.png")
 
 
-def _read_options(
+def read_limits(
     sensor: SensorDescription,
     *,
-    load: str,
-    noise: str | None,
-    two: str | None,
-    radius: str,
-    thicknesses: str | None,
+    load: str = "1 N",
+    noise: str | None = None,
+    two: str | None = None,
+    radius: str = "0 mm",
+    thicknesses: str | None = None,
 ) -> dict[str, Any]:
     """Read quantities of limits, to the arguments of `validation.resolution.limits.find_limits`.
 

@@ -16,9 +16,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from validation import api
-from validation.errors import InputError, check_choice
-from validation.resolution.verb import limits
+from validation.errors import InputError, at, check_choice
+from validation.metrics import METRICS, Score
+from validation.pressing import read_request
+from validation.resolution.verb import limits, read_limits
 from validation.results import Result, columns
+from validation.results.derivation import Kernel, Responses, SurfaceKernel
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ _LEAST = 0.005
 _COARSE = {"load_2_percent": 0.05, "load_5_percent": 0.05, "foundation_modulus": 0.01}
 #: Relative error of a limit that is a bound, and of one that is averaged over simulated frames [-].
 _BOUND, _SIMULATED = 0.01, 0.1
+#: Units of the numbers of a press.
+_PRESSED = {"total_force": "N", "depth": "m", "contact_area": "m2", "outside": "N"}
 
 
 class Quantity(NamedTuple):
@@ -79,6 +84,25 @@ class Measurement:
         """Measure a sensor."""
         return COMMANDS[self.command](subject, **self.options)
 
+    def check(self, sensor: SensorDescription) -> None:
+        """Read the values of the options, and compute nothing.
+
+        Raises:
+            InputError: If a value cannot be read or used with the sensor.
+        """
+        options = dict(self.options)
+        with at(f"measure: {self.command}: "):
+            if self.command == "limits":
+                read_limits(sensor, **{name: each for name, each in options.items() if name != "prior"})
+            elif self.command == "press":
+                pose = {name: options.pop(name, None) for name in ("at", "direction", "yaw", "tilt")}
+                read_request(lambda _: sensor, options.pop("indenter", ""), pose=pose, **options)
+
+    @property
+    def names(self) -> set[str]:
+        """Names that its quantities may have, without numbers at their ends; empty if they are not known yet."""
+        return NAMES[self.command](self.options)
+
 
 def read_measurement(text: str) -> Measurement:
     """Read a command with options, such as `limits --noise 5mN`.
@@ -98,7 +122,8 @@ def read_measurement(text: str) -> Measurement:
         check_choice("measure", "group of `regress`", " ".join(words), EXPERIMENTS)
         return Measurement(command=command, options={"group": " ".join(words)})
     parameters = inspect.signature({"limits": limits}.get(command) or getattr(api, command)).parameters.values()
-    known = {each.name: each.annotation for each in parameters if each.annotation in ("str", "str | None", "bool")}
+    read = re.compile(r"str|str \| None|bool|Literal\[.*\](?: \| None)?")
+    known = {each.name: each.annotation for each in parameters if read.fullmatch(str(each.annotation))}
     while words:
         option = words.pop(0)
         name = option.removeprefix("--").replace("-", "_")
@@ -106,6 +131,8 @@ def read_measurement(text: str) -> Measurement:
         if known[name] != "bool" and not words:
             raise InputError(f"measure: {command} {option}: needs a value")
         options[name] = True if known[name] == "bool" else words.pop(0)
+        if choices := re.findall(r"[\"']([^\"']+)", known[name]) if "Literal" in known[name] else ():
+            check_choice(f"measure: {command} {option}", "value", options[name], choices[::2])
     return Measurement(command=command, options=options)
 
 
@@ -166,16 +193,13 @@ def _press(subject: Subject, *, indenter: str = "", **options: Any) -> dict[str,
     found = api.press(subject.sensor, indenter, **options)
     fem = found.fem
     share = _find_share(fem.error_estimate) if fem else _LEAST
-    units = {"total_force": "N", "depth": "m", "contact_area": "m2", "outside": "N"}
-    numbers = {name: _about(value := getattr(fem, name), share * abs(value), unit) for name, unit in units.items()}
+    numbers = {name: _about(value := getattr(fem, name), share * abs(value), unit) for name, unit in _PRESSED.items()}
     largest = float(fem.texel_forces.max()) if fem else math.nan
     numbers["largest_texel"] = _about(largest, share * largest, "N")
     return numbers | _read_columns(found.score, share)
 
 
 def _validate(subject: Subject, **options: Any) -> dict[str, Quantity]:  # noqa: ANN401 -- options of a command
-    from validation.metrics import METRICS
-
     evaluation = cast("Evaluation", api.validate(subject.sensor, **options))
     found = {}
     for name, mean in evaluation.campaign.pooled["fast"].items():
@@ -211,4 +235,16 @@ def _name(text: str) -> str:
 #: Measurements by command.
 COMMANDS: Mapping[str, Callable[..., dict[str, Quantity]]] = {
     "derive": _derive, "limits": _limits, "press": _press, "validate": _validate, "regress": _regress,
+}  # fmt: skip
+_PLACES = {f"place_{axis}_force_{known}" for axis in "xy" for known in ("known", "unknown")}
+#: Names of the quantities of a measurement, without numbers at their ends, from its options; empty if not known before.
+NAMES: Mapping[str, Callable[[Mapping[str, Any]], set[str]]] = {
+    "derive": lambda _: {"width_x", "width_y", *columns(Kernel), *columns(SurfaceKernel), *columns(Responses)},
+    "limits": lambda options: {
+        "force", "least_force_over_the_texel", "least_force_worst_place", *_PLACES,
+        *(name for name, option in (("radius", "radius"), ("separation", "two")) if option in options),
+    },
+    "press": lambda _: {*_PRESSED, "largest_texel", *columns(Score)},
+    "validate": lambda _: {f"mean_{name}" for name in METRICS},
+    "regress": lambda _: set(),
 }  # fmt: skip

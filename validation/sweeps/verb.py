@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from validation.api import Stages
-from validation.errors import InputError, at
+from validation.errors import InputError, at, check_choice
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import optional_folder
 from validation.schema import read
@@ -148,7 +149,32 @@ def _read_plan(path: Path, wish: str | None) -> _Plan:
     clauses, tables = [] if wish is None else read_wish(wish), read(path, SweepTables)
     with at(f"{path}: "):
         measurements, designs = [read_measurement(each) for each in tables.measure], list_designs(tables, path.parent)
+        for each in measurements:
+            _check_options(each, designs)
+    names = [each.names for each in measurements]
+    for clause in clauses if all(names) else ():
+        known = set().union(*names)
+        if not {clause.name, re.sub(r"_\d+$", "", clause.name)} & known:
+            check_choice("--wish", "quantity", clause.name, sorted(known))
     return _Plan(tables=tables, designs=designs, measurements=measurements, wish=clauses)
+
+
+def _check_options(measurement: Measurement, designs: Sequence[Design]) -> None:
+    """Check options against the designs, of which one may refuse what another takes.
+
+    Raises:
+        InputError: If all refuse them.
+    """
+    refused = None
+    for sensor in filter(None, (each.sensor for each in designs)):
+        try:
+            measurement.check(sensor)
+        except InputError as error:
+            refused = refused or error
+        else:
+            return
+    if refused:
+        raise refused
 
 
 def _describe_cost(seconds: float, count: int, workers: int | None) -> str:

@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import json
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -295,3 +296,15 @@ def test_two_hundred_simulated_fits_have_the_predicted_intervals(covers, plan, r
     record_property("median ratio and coverage", (float(np.median(ratio)), float(inside.mean())))
     assert np.median(ratio) == pytest.approx(1, abs=0.1)
     assert inside.mean() == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_folder_that_cannot_be_replaced_is_named_by_the_option_plan(softcover, tmp_path):
+    (tmp_path / "taken").write_text("not a folder")
+    plan = ["calibrate", "--sensor", "wts-0614-34", "--next", "2", "--noise", "5mN"]
+    status, out, error = softcover(*plan, "--plan", "taken")
+    assert (status, out) == (2, "")
+    assert "--plan: " in error
+    assert "taken is a file; name a folder" in error
+    status, out, _ = softcover(*plan, "--json")
+    assert status == 0
+    assert len(json.loads(out)["touches"]) == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -48,6 +49,7 @@ def computed(monkeypatch):
         }
 
     monkeypatch.setitem(measurements.COMMANDS, "derive", measure)
+    monkeypatch.setitem(measurements.NAMES, "derive", lambda _: {"bent", "wave", "end"})
     return called
 
 
@@ -261,10 +263,44 @@ def test_bad_input_is_refused_in_one_line(tmp_path, computed, designs, options, 
         ("limits --nois 5mN", "did you mean '--noise'?"),
         ("limits --noise", "needs a value"),
         ("regress kernal", "did you mean 'kernel'?"),
+        ("limits --prior betwen", "measure: limits --prior: unknown value 'betwen'; did you mean 'between'?"),
+        ("limits --noise 5mm", "measure: limits: --noise: 'mm' in '5mm' is not a unit of force"),
+        ("press --indenter shpere:radius=5mm --load 1N", "measure: press: --indenter: unknown indenter 'shpere'"),
+        ("press --indenter sphere:radius=5mm", "measure: press: --load, --depth"),
     ],
 )
-def test_unknown_measurements_are_refused(tmp_path, measure, words):
-    assert words in refuse(write(tmp_path, {THICKNESS: ["1 mm"]}, measure=measure))
+def test_measurements_that_no_design_can_have_are_refused(tmp_path, measure, words):
+    assert words in refuse(write(tmp_path, {THICKNESS: ["1 mm", "2 mm"]}, measure=["derive", measure]))
+
+
+def test_a_wish_for_an_unknown_quantity_is_refused_before_anything_is_computed(tmp_path, computed):
+    path = write(tmp_path, {THICKNESS: ["1 mm"]}, measure=["derive", "limits --two 5mm", "press --load 1N"])
+    path.write_text(path.read_text().replace("press --load", "press --indenter sphere:radius=5mm --load"))
+    assert "--wish: unknown quantity 'wafe'; did you mean 'wave'?" in refuse(path, wish="wafe < 3 N")
+    assert "did you mean 'separation'?" in refuse(path, wish="seperation < 3 mm")
+    assert computed == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "measure",
+    ["derive", "limits --noise 5mN --two 6mm --radius 1mm", "press --indenter sphere:radius=5mm --load 1N"],
+)
+def test_quantities_have_the_names_that_wishes_may_name(measure):
+    made = measurements.read_measurement(measure)
+    found = made.run(measurements.Subject(sensor=load("wts-0614-34")))
+    assert {re.sub(r"_\d+$", "", name) for name in found} <= made.names
+    if measure.startswith("limits"):
+        assert set(found) == made.names
+
+
+def test_limits_of_a_sweep_take_a_prior(tmp_path):
+    values = []
+    for prior in ("around", "between"):
+        measure = f"limits --noise 5mN --load 0.3N --prior {prior}"
+        found = validation.sweep(write(tmp_path, {THICKNESS: ["1 mm"]}, measure=measure))
+        values.append(found.quantities["place_x_force_known"][1][0, 0])
+    assert values[0] > 2 * values[1]
 
 
 def test_a_store_that_cannot_be_written_is_refused(tmp_path, computed, store, monkeypatch):
