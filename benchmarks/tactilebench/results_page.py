@@ -29,7 +29,8 @@ MIDDLE = """
   between four texels below a ball.
 - A touch sensor feels the top of the pad. Texels lie below it, and the cover spreads the force between: this is
   most of what the rows without spread misplace.
-- A truth by finite elements and the fast model come from one project, but share no solver.
+- The truth and the fast model come from one project, but share no solver. The parameters of the fast model come
+  from finite elements of each cover, ten seconds a case, and from its store later, as in the times below.
 - Genesis, Isaac Lab, Newton and FlexiTac do not run here. `adapters/convert.py` reads their contacts or taxel
   forces, in the form that its first lines state.
 

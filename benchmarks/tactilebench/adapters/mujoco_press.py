@@ -101,15 +101,18 @@ def make_array(case: Case, engine: str) -> str:
     if engine == "tactile":
         return f"""<geom type="box" size="1 1 {HEIGHT / 2}" pos="0 0 {-HEIGHT / 2}" condim="1"/>
           <geom name="points" type="mesh" mesh="points" contype="0" conaffinity="0" mass="0"/>"""
-    boxes = (
-        f'<geom type="box" size="{NARROW * x} {NARROW * y} {HEIGHT / 2}" pos="{u} {v} {-HEIGHT / 2}" condim="1"/>'
-        for u, v in list_cells(case)
-    )
-    sites = (
-        f'<site name="texel{k}" type="box" size="{x} {y} {HEIGHT}" pos="{u} {v} 0"/>'
+    box = f'type="box" size="{NARROW * x} {NARROW * y} {HEIGHT / 2}" condim="1"'
+    cells = list_cells(case)
+    if engine == "touch-grid":
+        return "".join(f'<geom {box} pos="{u} {v} {-HEIGHT / 2}"/>' for u, v in cells)
+    # A touch sensor also counts contacts of its neighbours on the same body, whose normals lean towards its site.
+    texels = (
+        f"""<body pos="{u} {v} {-HEIGHT / 2}"><geom {box}/>
+          <site name="texel{k}" type="box" size="{x} {y} {HEIGHT}"/></body>"""
         for k, (u, v, _) in enumerate(case.centres)
     )
-    return "".join([*boxes, *(sites if engine == "warp-touch" else ())])
+    beyond = cells[(np.abs(cells[:, None] - case.centres[:, :2]) > [x, y]).any(axis=2).all(axis=1)]
+    return "".join([*texels, *(f'<geom {box} pos="{u} {v} {-HEIGHT / 2}"/>' for u, v in beyond)])
 
 
 def press(case: Case, engine: str) -> FloatArray:
