@@ -14,12 +14,14 @@ What other simulators, and softcover's own fast model, score on [tactilebench](t
 body at rest on one wide elastic layer, all shapes, tilted ones too. The table is written from
 `benchmarks/tactilebench/results/*.json` by `python benchmarks/tactilebench/results_page.py`.
 
-| simulator | version | cases | misplaced [%] | total force [%] | centre of pressure [mm] | floor [%] | fresh [%] |
-|---|---|---|---|---|---|---|---|
+| simulator | version | cases | misplaced [%] | in common [%] | total force [%] | centre [mm] | floor [%] | fresh [%] |
+|---|---|---|---|---|---|---|---|---|
 """
 MIDDLE = """
 - **Misplaced** is the share of the load on a wrong texel, mean over cases with its 95 % interval. The **floor** is
   what perfect forces may score, because the truth has an error of its own. Other scores are means too.
+- **In common** are the cases that all rows have, {common} of them: compare rows with fewer cases there. Their mean
+  misplaced share stands in that column.
 - **Fresh cases** have another seed, so that nobody can score by the shipped truth. Their interval is wider because
   they are fewer.
 - The scenes are the plainest ones of each program: default contacts in MuJoCo, which know nothing of the cover;
@@ -53,18 +55,28 @@ def make_page(folder: Path) -> str:
     """Return the page for the files of scores in a folder, the best one first."""
     files = [json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))]
     files.sort(key=lambda each: each["shipped"]["scores"]["overall"]["misplaced_force"]["value"])
-    rows = [f"| {' | '.join(describe(each))} |" for each in files]
+    common = set.intersection(*(set(list_misplaced(each)) for each in files))
+    rows = [f"| {' | '.join(describe(each, common))} |" for each in files]
     runs = [each[kind] for each in files for kind in ("shipped", "fresh") if kind in each]
     commands = [f"| `{run['command']}` | {run['seconds']:.0f} | `{run['forces_sha256'][:16]}` |" for run in runs]
-    return START + "\n".join(rows) + "\n" + MIDDLE + "\n".join(commands) + "\n" + END
+    return (
+        START + "\n".join(rows) + "\n" + MIDDLE.replace("{common}", str(len(common))) + "\n".join(commands) + "\n" + END
+    )
 
 
-def describe(found: dict[str, Any]) -> list[str]:
-    """Return the cells of a simulator."""
+def list_misplaced(found: dict[str, Any]) -> dict[str, float]:
+    """Return the misplaced share of each shipped case of a simulator by its name [-]."""
+    return {row["name"]: row["scores"]["misplaced_force"]["value"] for row in found["shipped"]["scores"]["cases"]}
+
+
+def describe(found: dict[str, Any], common: set[str]) -> list[str]:
+    """Return the cells of a simulator; `common` are the names of the cases that all simulators have."""
+    same = [value for name, value in list_misplaced(found).items() if name in common]
     means, fresh = found["shipped"]["scores"]["overall"], found.get("fresh")
     again = f"{show(fresh['scores']['overall'])}, {fresh['scores']['overall']['cases']} cases" if fresh else ""
     return [
         found["simulator"], f"{found['package']} {found['version']}", str(means["cases"]), show(means),
+        f"{100 * sum(same) / len(same):.1f}",
         f"{100 * means['total_force_error']['value']:.1f}", f"{1e3 * means['centre_of_pressure_m']['value']:.2f}",
         f"{100 * means['misplaced_force']['floor']:.2f}", again,
     ]  # fmt: skip
