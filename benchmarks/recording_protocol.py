@@ -119,17 +119,18 @@ def list_protocols() -> dict[str, Protocol]:
     }
 
 
-def tabulate(thickness: float) -> ContactMethod:
+def tabulate(thickness: float, steps: int = 5) -> ContactMethod:
     """Make the contact method by finite elements, with the share of a texel as a spline of its place under the tool.
 
     On a wide cover only the vector from the tool to the texel counts.
 
     Args:
         thickness: Thickness of the cover over that of the sensor [-].
+        steps: Number of entries of the table along a pitch.
     """
     cover = SENSOR.layered_cover
     layers = tuple(dataclasses.replace(each, thickness=thickness * each.thickness) for each in cover.layers)
-    steps, half = 5, 5
+    half = 5
     pitch = ARRAY.pitch[0]
     near = TexelArray.grid(2 * half + 1, 2 * half + 1, pitch)
     exact = make_reference_method(dataclasses.replace(cover, layers=layers), near)

@@ -19,6 +19,7 @@ import argparse
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -167,6 +168,7 @@ def derive_gains(period: float, latency: float, lag: float = LAG) -> Gains:
     return Gains(gain=period / ((tau + latency) * (1 - kept)), kept=kept)
 
 
+@cache
 def measure_latency(parameters: fastmodel.Parameters, delay: float = 0.0, *, phases: int = 64) -> float:
     """Measure the mean time from a step of the force to the arrival of the first frame with half of it [s].
 
@@ -297,6 +299,7 @@ class _Drive:
         self._command = command
 
 
+@cache
 def load_sensor(rate: float, creep: float = 0.0) -> tuple[fastmodel.Parameters, Cover]:
     """Load the WTS 0614-34 with another frame rate [Hz] and creep [-]; return its fast model and its cover."""
     from validation.sensor_file import BUILT_IN
@@ -344,17 +347,20 @@ def settle_everywhere(models: Sequence[str] = ("fast",)) -> Iterator[tuple[dict[
 SLIDE, START, SLIDE_Y, LIMIT, PUSH = np.linspace(-1.7e-3, 6.8e-3, 11), 4.0e-3, 3.0e-3, 0.45, 0.3
 
 
+@cache
+def tabulate_slide(model: str, rate: float) -> Images:
+    """Tabulate the texel forces of a model along the slide; the rate is that of the frames [Hz]."""
+    return make_images(model, *load_sensor(rate), BLOCK, places=SLIDE.tolist(), y=SLIDE_Y)
+
+
 def guide(model: str, rate: float = 271.0, seconds: float = 1.5) -> tuple[Record, FloatArray]:
     """Limit the largest texel and centre the contact with the images of a model.
 
     Returns:
         What happened, and the true texel forces, of finite elements at the same force and place, shape (k, n) [N].
     """
-    parameters, cover = load_sensor(rate)
-    tables = {
-        name: make_images(name, parameters, cover, BLOCK, places=SLIDE.tolist(), y=SLIDE_Y)
-        for name in {model, "fast", "reference"}
-    }
+    parameters, _ = load_sensor(rate)
+    tables = {name: tabulate_slide(name, rate) for name in {model, "fast", "reference"}}
     loop = Loop(
         images=tables[model], expected=tables["fast"], parameters=parameters, limit=LIMIT, centres=True, delay=1 / rate
     )

@@ -38,7 +38,7 @@ def test_without_errors_the_fit_finds_what_was_made_up(protocol, monkeypatch):
         monkeypatch.setattr(protocol, name, (0.0, 0.0))
     for name in ("CALLIPER", "AGAIN", "AGE_ERROR", "KELVIN", "NOISE"):
         monkeypatch.setattr(protocol, name, 0.0)
-    methods = {factor: protocol.tabulate(factor) for factor in protocol.FACTORS}
+    methods = {factor: protocol.tabulate(factor, steps=3) for factor in protocol.FACTORS}
     _, found = protocol.study(protocol.list_protocols()["+ square turned, round stamp"], methods, 1)
     assert found["sensitivity"][0] < 1
     assert found["gains"][0] < 2

@@ -15,6 +15,8 @@ MODULES = [
 def open_module(name):
     if name == "jax":
         jax = pytest.importorskip("jax")
+        # Tests run each function once or twice: to compile it takes longer than to run it.
+        jax.config.update("jax_disable_most_optimizations", True)  # noqa: FBT003
         jax.config.update("jax_enable_x64", True)  # noqa: FBT003 -- jax takes it so
         return jax.numpy
     if name == "torch":
