@@ -37,6 +37,7 @@ def run(installed, tmp_path):
     """Run a program of that environment in an empty folder, away from the source tree."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     environment["SOFTCOVER_STORE"] = str(tmp_path / "store")
+    environment["NUMBA_OPT"] = "0"  # the kernels run for a moment only
 
     def call(program, *words, status=0):
         command = [installed / program, *words]

@@ -93,7 +93,8 @@ def check_killed(times):
     return finished, left, lost, torn
 
 
-@pytest.mark.parametrize("times", [pytest.param(12, marks=pytest.mark.slow), pytest.param(80, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [12, pytest.param(80, marks=pytest.mark.bench)])
 def test_killed_writers_tear_nothing_and_lose_nothing(folder, times):
     finished, left, lost, torn = check_killed(times)
     assert finished, "no writer got anything done: the test shows nothing"

@@ -60,8 +60,6 @@ def test_a_ball_on_a_spherical_cover_meets_the_exact_contact(radius, depth, plac
         error = abs(getattr(found, name) / exact - 1)
         assert error < limit
         assert error < found.error_estimate[name] + 0.003  # of the rings
-    loaded = press(cover, ARRAY, ball, pose, load=known.force)
-    assert loaded.depth == pytest.approx(depth, rel=0.005)
 
 
 @pytest.mark.slow

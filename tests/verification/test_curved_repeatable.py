@@ -37,7 +37,7 @@ print(digest, found.depth.hex(), found.total_force.hex())
 def test_two_processes_find_the_same_bits(tmp_path):
     cover = phalanx(length=10e-3, rows=3, columns=3)
     names = []
-    for number, size in enumerate((3.0e-3, 2.4e-3)):
+    for number, size in enumerate((3.6e-3, 3.0e-3)):
         names.append(str(tmp_path / f"{number}.npz"))
         write_mesh(tmp_path / f"{number}.npz", cover.mesh(size, layers=2))
     found = []
