@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit
     from fastmodel.fitting.gaussian import Fit
     from fastmodel.parameters import Parameters
-    from fem_reference.indentation.finite_strain import BallPath
+    from fem_reference.indentation.ball_path import BallPath
     from fem_reference.indentation.result import Indentation
     from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
     from fem_reference.linear_response.point_spread import PointSpread
@@ -105,7 +105,7 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
         ConvergenceError: If no depth converges.
     """
     from fem_reference.finite_strain.loading_path import LoadingPath
-    from fem_reference.indentation.finite_strain import press_ball
+    from fem_reference.indentation.ball_path import press_ball
     from fem_reference.indentation.small_strain import solve_coarse
 
     radius = min(array.pitch)

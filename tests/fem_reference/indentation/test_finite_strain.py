@@ -7,7 +7,7 @@ import pytest
 
 from fem_reference import press, press_path
 from fem_reference.indentation import finite_strain
-from fem_reference.indentation.finite_strain import press_ball
+from fem_reference.indentation.ball_path import press_ball
 from meshes import Cylinder, Sphere, TexelArray
 from meshes.pose import Pose
 from tests.support.rubber import make_cover
