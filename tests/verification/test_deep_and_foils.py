@@ -7,11 +7,12 @@ import time
 import numpy as np
 import pytest
 
-from fem_reference import IncompletePathError, press
+from fem_reference import IncompletePathError, press, press_path
 from fem_reference.closed_form import indent
 from fem_reference.indentation import finite_strain
 from meshes import Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
+from tests.support.rubber import make_cover
 
 ARRAY = TexelArray.grid(15, 15, pitch=3.4e-3)
 FOIL = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 3e9}, poisson_ratio=0.38)
@@ -73,11 +74,38 @@ SOFT = Cover(layers=(Layer(thickness=1.6e-3, material=MATERIALS["ecoflex-00-50"]
 
 
 @pytest.mark.slow
-def test_a_wider_edge_reaches_loads_at_which_soft_rubber_does_not_follow_the_finest_one():
+def test_a_wide_face_on_soft_rubber_sinks_as_deep_as_one_with_a_wider_edge():
+    """The depth was computed with an edge of 0.192 mm; the edge is now as fine as elsewhere."""
     found = press(SOFT, ARRAY, Cylinder(radius=5e-3), load=4.2)
-    assert "rounded with 0.192 mm" in found.assumptions["edge"]
+    assert "rounded with 0.08 mm" in found.assumptions["edge"]
     assert found.depth == pytest.approx(0.1516 * 1.6e-3, rel=0.01)
-    assert found.error_estimate["depth"] < 0.01
+    assert found.error_estimate["depth"] < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("ratio", "radius", "share"), [(0.4, 1.696e-3, 0.36), (0.4, 1.0e-3, 0.22), (0.49, 3e-3, 0.18), (0.3, 2.2e-3, 0.45)]
+)
+def test_a_load_and_its_depth_belong_together_deep_in_the_cover(ratio, radius, share):
+    cover = make_cover(ratio, thickness=1.297e-3)
+    face = Cylinder(radius=radius)
+    by_depth = press(cover, ARRAY, face, depth=share * 1.297e-3)
+    by_load = press(cover, ARRAY, face, load=by_depth.total_force)
+    allowed = by_depth.error_estimate["total_force"] + by_load.error_estimate["depth"]
+    assert by_load.depth == pytest.approx(by_depth.depth, rel=allowed)
+    assert allowed < 0.03
+
+
+@pytest.mark.slow
+def test_loads_on_one_path_sink_as_deep_as_alone():
+    cover = make_cover(0.4, thickness=1.297e-3)
+    face, loads = Cylinder(radius=1.7e-3), (2.0, 5.5)
+    together = press_path(cover, ARRAY, face, loads=loads)
+    for load, found in zip(loads, together, strict=True):
+        alone = press(cover, ARRAY, face, load=load)
+        assert found.total_force == pytest.approx(load, rel=1e-9)
+        allowed = found.error_estimate["depth"] + alone.error_estimate["depth"]
+        assert found.depth == pytest.approx(alone.depth, rel=allowed)
 
 
 @pytest.mark.slow
