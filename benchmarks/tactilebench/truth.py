@@ -30,7 +30,6 @@ import numpy as np
 
 from cases_as_softcover import find_limit, make_array, make_cover, make_indenter, make_pose, measure_width
 from fem_reference import press, result_store
-from fem_reference.grid_convergence import pool_errors
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Cover
 from meshes.array_types import FloatArray
@@ -70,8 +69,6 @@ def solve(case: Case, accuracy: float | None = None) -> tuple[FloatArray, FloatA
             raise ValueError("a body is lifted, or would pierce the cover")
         return found.texel_forces, found.texel_errors, np.array(found.outside), np.array(found.outside_error)
     (body,) = case.bodies
-    if case.tier == "finite_strain" and make_indenter(body).is_flat:
-        return press_deep_face(case)
     places = case.motion.at if case.motion else (None,)
     presses = [
         press(
@@ -92,24 +89,6 @@ def solve(case: Case, accuracy: float | None = None) -> tuple[FloatArray, FloatA
         for name in ("texel_forces", "texel_errors", "outside", "outside_error")
     ]
     return tuple(each if case.motion else each[0] for each in columns)  # type: ignore[return-value]
-
-
-def press_deep_face(case: Case) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Press a face with sharp edges at finite strain, under its load and to its depth; as `solve`.
-
-    The solver rounds the edges and corrects for it at small strain.  Deep in rubber the correction of the depth at a
-    load differs from that of the load at a depth, by up to 3 %, which no grids tell.  The truth is that of the press to
-    a depth, scaled to the load, and its errors have the difference of both.
-    """
-    (body,), given = case.bodies, (make_cover(case), make_array(case), make_indenter(case.bodies[0]))
-    loaded = press(*given, make_pose(body), load=body.load)
-    first = press(*given, make_pose(body), depth=loaded.depth)
-    found = press(*given, make_pose(body), depth=loaded.depth * body.load / first.total_force)
-    scale = body.load / found.total_force
-    forces, outside = scale * found.texel_forces, scale * found.outside
-    errors = scale * np.asarray(found.texel_errors) + np.abs(forces - loaded.texel_forces)
-    beside = scale * found.outside_error + abs(outside - loaded.outside)
-    return forces, pool_errors(errors, forces), np.array(outside), np.array(beside)
 
 
 def can_refine(case: Case) -> bool:
