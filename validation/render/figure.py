@@ -19,10 +19,11 @@ import numpy as np
 from meshes import atomic_file
 from meshes.array_types import FloatArray
 from validation.extras import MissingExtraError
-from validation.render.image import LEAST_PULL, MASKED, PULLED, Scale
+from validation.render.image import LEAST_PULL, MASKED, PULLED, Scale, unroll
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
@@ -127,4 +128,29 @@ def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale,
     for axis, count in ((axes.xaxis, array.columns), (axes.yaxis, array.rows)):
         axis.set_ticks(range(0, count if count > 1 else 0, math.ceil(count / _MARKS)))
     axes.set(title=title, xlabel="texel" if row else "column", ylabel="" if row else "row")
+    return drawn
+
+
+def draw_unrolled(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str) -> PolyCollection:
+    """Draw the values of an array as squares on its surface, unrolled about the middle texel, in mm.
+
+    Args:
+        axes: Axes to draw into.
+        array: The n texels.
+        values: Value of each texel, shape (n,).
+        scale: Colour scale; its factor applies to the values.
+        title: Text above the image.
+    """
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import LinearSegmentedColormap
+
+    corners = 1e3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(array.texel_size) / 2
+    drawn = PolyCollection(1e3 * unroll(array)[:, None] + corners, edgecolors="white", linewidths=0.3)
+    drawn.set(cmap=LinearSegmentedColormap.from_list("texels", scale.colours).with_extremes(bad=MASKED))
+    drawn.set(
+        array=np.where(array.active, scale.factor * np.asarray(values), np.nan), clim=(0, scale.factor * scale.peak)
+    )
+    axes.add_collection(drawn)
+    axes.autoscale_view()
+    axes.set(title=title, xlabel="unrolled x [mm]", ylabel="unrolled y [mm]", aspect="equal")
     return drawn

@@ -79,6 +79,12 @@ class Scale:
         return "#" + self.rgb(value).tobytes().hex()
 
 
+def unroll(array: TexelArray) -> FloatArray:
+    """Compute the places of n texels on the surface, unrolled about the middle texel, shape (n, 2) [m]."""
+    middle = find_middle(array)
+    return np.asarray(unroll_from(array, array.centres[[middle]], array.normals[[middle]])[0])
+
+
 class _Frame:
     """Places of the texels of an array in a drawing; the surface is unrolled about the middle texel.
 
@@ -92,8 +98,7 @@ class _Frame:
     """
 
     def __init__(self, array: TexelArray) -> None:
-        middle = find_middle(array)
-        unrolled = np.asarray(unroll_from(array, array.centres[[middle]], array.normals[[middle]])[0])
+        middle, unrolled = find_middle(array), unroll(array)
         edge = _EDGE * (float(pdist(unrolled, "chebyshev").min()) if len(unrolled) > 1 else 1.0)
         self._low, high = unrolled.min(axis=0) - edge / 2, unrolled.max(axis=0) + edge / 2
         self._factor = (_SIZE - 2 * _MARGIN) / float((high - self._low).max())

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.render.figure import COLUMN, OUTLINE, draw_texels, open_figure
-from validation.render.image import Scale
+from meshes.solids.texels import tangent_axes
+from validation.render.figure import COLUMN, OUTLINE, draw_texels, draw_unrolled, open_figure
+from validation.render.image import Scale, unroll
 
 if TYPE_CHECKING:
     from meshes import TexelArray
@@ -39,7 +40,7 @@ def draw_map(found: Limits, array: TexelArray, path: Path) -> None:
 
 
 def draw_touches(found: Located, array: TexelArray, frames: Frames, path: Path) -> None:
-    """Draw the brightest frame, and on arrays of several rows its touches with their intervals.
+    """Draw the brightest frame and its touches with their intervals; curved arrays are unrolled.
 
     Args:
         found: Touches of the frames.
@@ -54,16 +55,21 @@ def draw_touches(found: Located, array: TexelArray, frames: Frames, path: Path) 
     number = int(np.argmax(frames.values.sum(axis=1)))
     values = np.zeros(array.count)
     values[array.active] = frames.values[number]
-    scale = Scale(peak=float(values.max()), unit="N" if frames.forces else "counts")
+    scale = Scale(peak=float(values.max()), unit="N" if frames.forces else "counts", factor=1.0)
     frame = found.frames[number]
+    flat = array.regular and array.rows > 1
+    places = (array.centres - array.centres[0])[:, :2] / array.pitch if flat else 1e3 * unroll(array)
+    unit = np.array(array.pitch) if flat else np.full(2, 1e-3)
     with open_figure(path, width=COLUMN, height=COLUMN) as figure:
         axes = figure.subplots()
-        drawn = draw_texels(axes, array, values, scale, title=f"{found.sensor}, {frame.time:g} s")
-        for touch in frame.touches if array.rows > 1 else ():
-            ends = [
-                (np.array([each.low, each.value, each.high]) - array.centres[0, axis]) / array.pitch[axis]
-                for axis, each in enumerate((touch.x, touch.y))
-            ]
-            bars = [[[middle - low], [high - middle]] for low, middle, high in ends]
-            axes.errorbar(ends[0][1], ends[1][1], xerr=bars[0], yerr=bars[1], fmt="+", color=OUTLINE)
+        title = f"{found.sensor}, {frame.time:g} s"
+        drawn = (draw_texels if flat else draw_unrolled)(axes, array, values, scale, title=title)
+        for touch in frame.touches:
+            ends = [[each.low, each.value, each.high] for each in (touch.x, touch.y, touch.z)]
+            low, middle, high = np.transpose(ends)
+            near = int(np.argmin(np.linalg.norm(array.centres - middle, axis=1)))
+            along = tangent_axes(array.normals[[near]])[0]
+            x, y = places[near] + along @ (middle - array.centres[near]) / unit
+            half = np.abs(along) @ (high - low) / 2 / unit
+            axes.errorbar(x, y, xerr=half[0], yerr=half[1], fmt="+", color=OUTLINE)
         figure.colorbar(drawn, ax=axes, label=scale.unit)
