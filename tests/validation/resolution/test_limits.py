@@ -11,7 +11,7 @@ import fastmodel
 import validation
 from fastmodel.signal.electronics import Electronics
 from fem_reference.closed_form.layer import tabulate_texel_response
-from meshes import TexelArray
+from meshes import Cover, TexelArray
 from validation.errors import InputError
 from validation.resolution.channel import Channel, make_channel
 from validation.resolution.limits import Study, find_cell, find_limits, find_place_error, list_limits
@@ -100,6 +100,20 @@ def test_the_posterior_is_the_bound_where_the_bound_counts(study):
             assert ratio == pytest.approx(1.0, abs=0.05)
 
 
+def draw_study(seed):
+    """Draw a flat sensor, a texel and a load, and a place of the touch."""
+    rng = np.random.default_rng(seed)
+    pitch = rng.uniform(2e-3, 5e-3)
+    layer = replace(WTS.cover.layers[0], thickness=pitch * rng.uniform(0.6, 1.5))
+    ratio = rng.uniform(0.3, 0.499)
+    cover = Cover(layers=(replace(layer, material=replace(layer.material, poisson_ratio=ratio)),))
+    array = TexelArray.grid(*rng.integers(5, 9, 2), pitch, texel_size=pitch * rng.uniform(0.7, 1.0))
+    touches = find_touches(cover, replace(WTS, array=array, cover=cover))
+    texel, load = int(rng.integers(array.count)), rng.uniform(1, 3)
+    study = Study(touches=touches, channel=Channel(noise=2e-3), texel=texel, load=load)
+    return study, rng.uniform(-0.45, 0.45, 2) * study.pitch
+
+
 def estimate(study, place, frames):
     """Estimate x, y and force of simulated frames by least squares; return their deviations from the truth."""
     exact = study.load * study.respond(place[None])[0]
@@ -114,9 +128,9 @@ def estimate(study, place, frames):
     return found - [*place, study.load]
 
 
-def check_likelihood(study, place):
+def check_likelihood(study, place, frames=1500):
     covariance, _ = study.bound(place[None], 3)
-    spread = np.sqrt((estimate(study, place, 1500) ** 2).mean(axis=0))
+    spread = np.sqrt((estimate(study, place, frames) ** 2).mean(axis=0))
     assert spread / np.sqrt(np.diagonal(covariance[0])) == pytest.approx(1.0, abs=0.05)
 
 
@@ -127,6 +141,15 @@ def test_the_most_likely_place_and_force_reach_the_bound(sensor):
     touches = find_touches(found.cover, found)
     study = Study(touches=touches, channel=Channel(noise=2e-3), texel=len(touches.origins) // 2, load=2.0)
     check_likelihood(study, 0.2 * study.pitch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_the_most_likely_place_and_force_reach_the_bound_on_drawn_sensors(seed):
+    study, place = draw_study(seed)
+    errors = np.sqrt(np.diagonal(study.bound(place[None], 2)[0], axis1=1, axis2=2))
+    assert study.judge(study.load * study.respond(place[None]), errors).all()
+    check_likelihood(study, place, 4000)
 
 
 @pytest.mark.slow
