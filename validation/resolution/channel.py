@@ -183,10 +183,10 @@ class Channel:
         weight = np.where(smooth, 1 / (self.noise**2 + step**2 / 12), 0.0)
         middle = np.where(smooth, low + step / 2, 0.0)
         found = (weight * middle) @ forces.T - weight @ (forces**2).T / 2 - (weight * middle**2).sum(1)[:, None] / 2
-        if (dark := np.isneginf(low)).any():
+        if (dark := np.isneginf(low) & np.isfinite(high)).any():
             some = dark.any(axis=0)
             found += dark[:, some].astype(float) @ log_ndtr((edges[1] - forces)[:, some] / self.noise).T
-        if (full := np.isposinf(high)).any():
+        if (full := np.isposinf(high) & np.isfinite(low)).any():
             some = full.any(axis=0)
             found += full[:, some].astype(float) @ log_ndtr((forces - edges[-2])[:, some] / self.noise).T
         for texel in np.flatnonzero((inner & ~smooth).any(axis=0)):

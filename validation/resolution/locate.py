@@ -224,14 +224,13 @@ class Locator:
         return parts
 
     def _search(self, reading: Reading, level: FloatArray, chart: Chart, others: FloatArray) -> Search:
-        top, reached = float(self.channel.edges[-2].max()), chart.columns >= 0
-        most = np.zeros(len(level))
-        most[reached] = chart.peaks[chart.columns[reached]]
+        top, most = float(self.channel.edges[-2].max()), np.zeros(len(level))
+        most[chart.order] = chart.peaks
         near = (level > _REST * self.channel.spread) & (most > _REACHED * most.max())
         total = float(level[near].sum())
         least = np.maximum(_LEFT_OUT * self.channel.noise, self.channel.edges[1] - _REST * self.channel.noise)
         measured = np.isfinite(reading.low[0]) | np.isfinite(reading.high[0])
-        seen = np.flatnonzero(measured & ((total * most > least) | near))
+        seen = chart.order[: chart.columns[measured & ((total * most > least) | near)].max(initial=-1) + 1]
         limit = _OVER_SATURATION * top / most.max() if np.isfinite(top) else _OVER_SUM * total
         most_force = max(limit, 2 * total, self.channel.noise)
         return Search(chart=chart, channel=self.channel, reading=reading, seen=seen, most=most_force, others=others)

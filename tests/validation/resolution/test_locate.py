@@ -1,6 +1,8 @@
 """Touches located in frames: closed forms, symmetry, scaling, coverage with frames of the channel, and bad input."""
 
+import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -9,8 +11,10 @@ import fastmodel
 import validation
 from fem_reference.closed_form.layer import tabulate_texel_response
 from validation.errors import InputError
+from validation.render.figure import OUTLINE
 from validation.resolution.channel import Channel, make_channel
 from validation.resolution.chart import make_chart
+from validation.resolution.kernel import fit_touches, share_points
 from validation.resolution.limits import Study
 from validation.resolution.locate import Locator, make_locator
 from validation.resolution.touches import find_touches
@@ -69,21 +73,51 @@ def test_a_chart_has_the_exact_response_of_round_touches(touches):
     apart = touches.origins[MIDDLE, :2] + places[:, None] - WTS.array.centres[:, :2]
     for radius in (0.0, 0.8e-3, 2.7e-3):
         exact = tabulate_texel_response(WTS.cover, WTS.array.texel_size, radius)(apart[..., 0], apart[..., 1])
-        found = chart.at(places, np.full(len(places), radius), np.arange(WTS.array.count))[:, 0]
-        assert found == pytest.approx(exact, abs=1.5e-3)
+        found = share_points(chart.arrays, places, np.full(len(places), radius), len(chart.order))[:, 0]
+        assert found == pytest.approx(exact[:, chart.order], abs=1.5e-3)
 
 
 def test_a_chart_has_the_response_of_an_oval_touch(touches):
     """Pairs of touches on two axes differ by the moments that the second and third row of a chart stand for."""
     radius, apart = 1e-3, 0.15e-3
     chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
-    place, seen = np.array([[0.4e-3, 0.7e-3]]), np.arange(WTS.array.count)
-    _, oval, turned = chart.at(place, np.array([radius]), seen)[0]
+    place = np.array([[0.4e-3, 0.7e-3]])
+    _, oval, turned = share_points(chart.arrays, place, np.array([radius]), len(chart.order))[0]
     for found, first, second in ((oval, [apart, 0.0], [0.0, apart]), (turned, [apart, apart], [apart, -apart])):
         along, across = (
-            touches.forces(MIDDLE, place + np.outer([-1, 1], each), radius).mean(axis=0) for each in (first, second)
+            touches.forces(MIDDLE, place + np.outer([-1, 1], each), radius, chart.order).mean(axis=0)
+            for each in (first, second)
         )
         assert found == pytest.approx((along - across) * radius**2 / (5 * np.dot(first, first)), abs=5e-4)
+
+
+def test_the_likelihood_of_a_fit_is_that_of_the_counts(touches, counted):
+    """Compiled least squares and likelihood, against those of numpy and the channel, with dark and saturated texels."""
+    chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
+    forces, _ = press(touches, [0.5e-3, 0.3e-3], 5.0)
+    reading, seen, noise, most = counted.channel.read(forces[None], np.zeros((1, 84))), chart.order[:30], NOISE, 20.0
+    low, high = reading.low[0, seen], reading.high[0, seen]
+    lit, full = np.isfinite(high - low), np.isposinf(high)
+    assert all(each.any() for each in (lit, full, ~lit & ~full))
+    width = np.where(lit, high - low, 0.0)
+    target, weight = np.where(full, low, high) - width / 2, np.where(lit, 1 / (noise**2 + width**2 / 12), 0.0)
+    texels, rng = np.array([target, weight, np.where(full, -1.0, 1.0), np.zeros(30)]), np.random.default_rng(2)
+    places, radii = rng.uniform(-0.5, 0.5, (6, 2)) * PITCH, rng.uniform(0, PITCH[0], 6)
+    linear, logs, residual, found = fit_touches(chart.arrays, texels, noise, most, places, radii, np.zeros((6, 3)))
+    shares = share_points(chart.arrays, places, radii, 30)
+    assert found == pytest.approx((linear[:, None] @ shares)[:, 0], abs=1e-12)
+    assert logs[:, 1] == pytest.approx(counted.channel.log_likelihood(reading, found, seen)[0], rel=1e-9)
+    apart = found - target
+    heavy = np.where(lit, weight, (texels[2] * apart > 0) / noise**2)
+    assert residual == pytest.approx(np.sqrt(heavy) * apart, rel=1e-9, abs=1e-9)
+    moved = [
+        fit_touches(chart.arrays, texels, noise, most, places, radii, np.tile(axis, (6, 1)))[0] - linear
+        for axis in np.eye(3)
+    ]
+    volume = np.log(np.abs(np.linalg.det(np.stack(moved, axis=-1))))
+    force = np.maximum(linear[:, 0], 1e-12)
+    density = -((linear[:, 1:] ** 2).sum(axis=1)) / (0.5 * force) ** 2 / 2 - 2 * np.log(force)
+    assert logs[:, 0] == pytest.approx(volume + density, rel=1e-6)
 
 
 def test_a_frame_without_noise_gives_its_touch_back(touches, points):
@@ -253,6 +287,34 @@ def test_the_command_and_the_function_agree(softcover, tmp_path, touches):
     status, _, error = softcover("locate", "wts-0614-34", "other.csv")
     assert status == 2
     assert "name the sensor that made the recording" in error
+
+
+def read_picture(path):
+    """Return words and numbers of a drawing, and whether a touch is drawn in it."""
+    text = path.read_text()
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", text)
+    return words, [float(each) for each in words if re.fullmatch(r"[0-9.]+", each)], OUTLINE in text
+
+
+def test_a_picture_shows_touches_in_the_units_of_the_frames(touches, tmp_path):
+    forces, _ = press(touches, [0.7e-3, 0.2e-3], 0.9)
+    WTS.locate(forces, forces=True, noise="5 mN", picture=tmp_path / "flat.svg")
+    words, numbers, drawn = read_picture(tmp_path / "flat.svg")
+    assert {"N", "row", "column"} <= set(words)
+    assert any(0 < each <= forces.max() for each in numbers)
+    assert max(numbers) <= WTS.array.rows
+    assert drawn
+
+
+@pytest.mark.slow
+def test_a_picture_of_a_curved_array_is_unrolled(small_pad, tmp_path):
+    row = dataclasses.replace(small_pad.array, rows=1, columns=9)
+    sensor = dataclasses.replace(small_pad, array=row)
+    forces, _ = press(find_touches(sensor.cover, sensor), [0.3e-3, -0.2e-3], 1.0, texel=4)
+    sensor.locate(forces, forces=True, noise="2 mN", radius="0 mm", picture=tmp_path / "row.svg")
+    words, _, drawn = read_picture(tmp_path / "row.svg")
+    assert {"N", "unrolled x [mm]", "unrolled y [mm]"} <= set(words)
+    assert drawn
 
 
 @pytest.mark.slow
