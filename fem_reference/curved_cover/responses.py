@@ -82,21 +82,22 @@ class GridResponse:
         """
         return np.asarray(np.einsum("...mc,nmc->...n", forces, self.influence, optimize=True))
 
-    def at(self, points: FloatArray, directions: FloatArray | None = None) -> FloatArray:
+    def at(self, points: FloatArray, directions: FloatArray | None = None, *, beside: bool = False) -> FloatArray:
         """Compute the force on each texel per unit point force at points of the top.
 
         Args:
             points: Positions of k points, shape (k, 3) [m]; the nearest points of the top are used.
             directions: Unit directions of the forces, shape (k, 3) [-]; opposite to the normals of the top if None.
+            beside: Whether points may lie off the top.
 
         Returns:
             Forces, shape (k, n) [-].
 
         Raises:
-            ValueError: If a point is not on the top.
+            ValueError: If a point is not on the top and may not lie off it.
         """
         weights, distance = self.top.locate(points)
-        if not distance.max(initial=0.0) <= _OFF_TOP * self.mesh.size:
+        if not (beside or distance.max(initial=0.0) <= _OFF_TOP * self.mesh.size):
             raise ValueError(f"a point lies {1e3 * distance.max():.3g} mm off the top of the cover")
         if directions is None:
             directions = -(weights @ self.top.normals)

@@ -164,7 +164,7 @@ def _(cover: SolidCover, sensor: SensorDescription, progress: Progress | None = 
         origins=responses.above[active],
         axes=tangent_axes(array.normals)[active],
         pitch=array.pitch,
-        respond=_sum_points(lambda points: grid.at(project(points))[:, active]),
+        respond=_sum_points(lambda points: grid.at(points, beside=True)[:, active]),
         project=project,
         step=_MESHED * min(array.pitch),
     )

@@ -230,6 +230,9 @@ def test_forces_on_texels_are_sums_over_nodes_and_axes():
     np.testing.assert_allclose(grid.at(point, np.array([[1.0, 0, 0]])), [1.1e-3 * np.arange(1, 5)], rtol=1e-9)
     with pytest.raises(ValueError, match=r"a point lies 1 mm off the top"):
         grid.at(np.array([[0.0, 0.0, 3e-3]]))
+    aside = np.array([[1.1e-3, -0.4e-3, 3e-3]])  # the nearest point of the top counts
+    sideways = np.array([[1.0, 0, 0]])
+    np.testing.assert_allclose(grid.at(aside, sideways, beside=True), [1.1e-3 * np.arange(1, 5)], rtol=1e-9)
 
 
 def test_inactive_texels_feel_nothing_and_pressures_act_against_the_normals():
