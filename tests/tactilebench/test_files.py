@@ -1,13 +1,20 @@
 """Files of forces: what is whole is scored, and everything else is named in one line."""
 
+import io
 import json
+import os
 import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tactilebench
 from tactilebench.__main__ import main
+from tactilebench.case import DATA
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +70,13 @@ FAULTS = {
     "kilonewtons": (lambda x: scale(x, 1e-3), "as if in kN"),
     "grams": (lambda x: scale(x, 1e3 / 9.80665), "as if in gf"),
     "kilograms": (lambda x: scale(x, 1 / 0.9 / 9.80665), "as if in kgf"),
+    "micronewtons": (lambda x: scale(x, 1e6), "as if in uN"),
+    "pull instead of pressure": (lambda x: scale(x, -1.0), "as if negative under pressure"),
+    "no unit of force": (lambda x: scale(x, 1e5), "9e+04 times the true ones; give newtons"),
+    "beyond all numbers": (lambda x: change(x, 4, r"[^,]*$", "1e308"), "foil-000: texel 3 has 1e+308 N"),
+    "decimal commas": (lambda x: [x[0], *(each.replace(".", ",") for each in x[1:])], "mine.csv:2 has more entries"),
+    "semicolons": (lambda x: [each.replace(",", ";") for each in x], "with commas between"),
+    "a column twice": (lambda x: [f"{each},force_n" if k == 0 else f"{each},0" for k, each in enumerate(x)], "twice"),
     "empty": (lambda x: b"", "has 0 bytes"),
     "not text": (lambda x: b"\xff\xfe\x00case", "UTF-8"),
     "binary": (lambda x: b"case,texel,force_n\n\0", "is binary"),
@@ -95,6 +109,103 @@ def test_places_that_cannot_be_written_or_read_are_named(tmp_path, capsys, lines
     )
     assert main(["score", "x.csv", "--truth", str(tmp_path / "no.npz")]) == 2
     assert "no.npz" in capsys.readouterr().err
+
+
+def damage_bytes(content):
+    """Overwrite bytes in the middle of the first compressed array."""
+    return content[:200] + b"x" * 60 + content[260:]
+
+
+def pack(**arrays):
+    held = io.BytesIO()
+    np.savez_compressed(held, **arrays)
+    return held.getvalue()
+
+
+def encrypt(content):
+    """Set the flag of encryption in the first entry of an archive."""
+    raw, entry = bytearray(content), content.find(b"PK\x01\x02")
+    raw[6] |= 1
+    raw[entry + 8] |= 1
+    return bytes(raw)
+
+
+def declare(shape):
+    """An archive whose only array has a shape in its header and no numbers."""
+    held, header = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(held, "w") as archive:
+        archive.writestr("foil-000.npy", header.getvalue())
+    return held.getvalue()
+
+
+ARCHIVES = {
+    "damaged": lambda x: damage_bytes(pack(**x)),
+    "cut off": lambda x: pack(**x)[:-40],
+    "encrypted": lambda x: encrypt(pack(**x)),
+    "pickled": lambda x: pack(**x | {"foil-000": x["foil-000"].astype(object)}),
+    "larger than memory": lambda _: declare((10**13,)),
+    "larger than numbers": lambda _: declare((10**25,)),
+    "complex": lambda x: pack(**x | {"foil-000": x["foil-000"] * (1 + 1j)}),
+    "dates": lambda x: pack(**x | {"foil-000": x["foil-000"].astype("M8[s]")}),
+    "unknown case": lambda x: pack(**x, foo=np.ones(3)),
+    "force beyond the texels of an unknown case": lambda x: pack(**x, **{"foil-999/outside": np.ones(())}),
+    "force beyond the texels is infinite": lambda x: pack(**x, **{"foil-000/outside": np.array(np.inf)}),
+}
+
+
+@pytest.mark.parametrize("fault", ARCHIVES)
+def test_an_archive_that_is_not_whole_is_named_in_one_line(tmp_path, capsys, foils, lines, fault):
+    content = ARCHIVES[fault]({case.name: case.truth.forces for case in foils})
+    (tmp_path / "truth.npz").write_bytes(content)
+    for text, words in ((content, ()), (lines, ("--truth", str(tmp_path / "truth.npz")))):
+        status, said = run(tmp_path, capsys, text, *words)
+        assert status == 2
+        assert said.err.count("\n") == 1
+        assert said.err.startswith("tactilebench: ")
+        assert not said.out
+
+
+@pytest.mark.parametrize("fault", ["damaged", "no number", "no case", "another seed"])
+def test_a_truth_that_is_not_whole_is_named_in_one_line(tmp_path, capsys, lines, fault):
+    path = DATA / "2026.1.npz"
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file}
+    about, path = json.loads(str(arrays["about"])), tmp_path / "truth.npz"
+    if fault == "no number":
+        arrays["values"] = arrays["half_widths"] = np.array(1.0)
+    elif fault != "damaged":
+        about |= {"cases": []} if fault == "no case" else {"seed": 3}
+        arrays["about"] = np.array(json.dumps(about))
+    path.write_bytes(damage_bytes(pack(**arrays)) if fault == "damaged" else pack(**arrays))
+    status, said = run(tmp_path, capsys, lines, "--truth", str(path))
+    assert status == 2
+    assert said.err.startswith(f"tactilebench: {path}: ")
+    assert said.err.count("\n") == 1
+
+
+def test_what_is_no_file_is_not_replaced_by_scores(tmp_path, capsys, lines):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for place in (tmp_path, pipe):
+        status, said = run(tmp_path, capsys, lines, "--json", str(place))
+        assert status == 2
+        assert f"--json: {place} is a folder, a device or a pipe" in said.err
+    assert pipe.is_fifo()
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no full device")
+def test_a_full_disk_and_an_ascii_terminal_leave_no_traceback(tmp_path, lines):
+    path, out = tmp_path / "mine.csv", tmp_path / "\u00fc.json"
+    path.write_text("\n".join(lines))
+    words = [sys.executable, "-m", "tactilebench", "score", str(path), "--tier", "foil", "--json", str(out)]
+    with Path("/dev/full").open("w") as full:
+        found = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)  # noqa: S603
+    assert found.returncode == 2
+    assert found.stderr == "tactilebench: standard output cannot be written: No space left on device\n"
+    ascii_alone = os.environ | {"PYTHONIOENCODING": "ascii"}
+    found = subprocess.run(words, env=ascii_alone, capture_output=True, check=False)  # noqa: S603
+    assert (found.returncode, found.stderr) == (0, b"")
 
 
 def test_the_template_lacks_the_forces_alone_and_an_archive_is_read(tmp_path, capsys):

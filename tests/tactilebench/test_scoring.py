@@ -117,6 +117,26 @@ def test_no_truth_within_the_intervals_scores_beyond_the_interval_of_a_score(kno
                 assert low - 1e-12 <= value <= high + 1e-12, (case.name, name)
 
 
+def test_forces_that_are_no_whole_arrays_of_numbers_are_refused(known):
+    forces = {case.name: nearest(case) for case in known}
+    first, moving = known[0], next(case for case in known if case.motion)
+    gap = forces[moving.name].copy()
+    gap[2, 5] = np.nan
+    wrong = {
+        "no array": {first.name: [[1.0], [1.0, 2.0]]},
+        "real numbers": {first.name: np.ma.masked_less(forces[first.name], 1e-9)},
+        "not object": {first.name: None},
+        "instant 2, texel 5 has nan N": {moving.name: gap},
+    }
+    for words, change in wrong.items():
+        with pytest.raises(tactilebench.BenchError, match=words):
+            tactilebench.score(forces | change, known)
+    with pytest.raises(tactilebench.BenchError, match="'linear-999' is unknown"):
+        tactilebench.score(forces, known, outside={"linear-999": 1.0})
+    with pytest.raises(tactilebench.BenchError, match="no case is known"):
+        tactilebench.score({}, [])
+
+
 def test_files_of_scores_fit_the_schema(known):
     result = tactilebench.score({case.name: nearest(case) for case in known}, known)
     check_scores(json.loads(json.dumps(result, allow_nan=False)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import sys
@@ -22,25 +23,28 @@ _EXAMPLES = """examples:
   python -m tactilebench score mine.csv --tier linear --json mine.json
   python -m tactilebench score fresh.csv --truth truth-7.npz     fresh cases, whose truth softcover computed
 
-Without --tier all tiers count.  Exit status: 0, or 2 if there is nothing to score or the file is not whole.
+Without --tier all tiers count.  Exit status: 0, or 2 if there is nothing to score, or a file is not whole or cannot
+be written.
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command, and return its exit status: 2 after a line about bad input, else 0."""
     options = _parse(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # the name of a file may have letters beyond the encoding
     try:
         text = _run(options)
     except BenchError as error:
         print(f"tactilebench: {error}", file=sys.stderr)
         return 2
-    except OSError as error:
-        print(f"tactilebench: {error.filename}: {error.strerror}", file=sys.stderr)
-        return 2
     try:
         print(text, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            print(f"tactilebench: standard output cannot be written: {error.strerror}", file=sys.stderr)
+            return 2
     return 0
 
 
@@ -74,11 +78,11 @@ def _run(options: argparse.Namespace) -> str:
         known = _select(cases(options.version, seed=options.seed) if options.seed is not None else
                         cases(options.version), options.tier)  # fmt: skip
         return "\n".join(map(_describe, known) if options.verb == "cases" else write_template(known))
-    known = _select(load_truth(options.truth) if options.truth else cases(options.version), options.tier)
+    known = _select(load_truth(options.truth) if options.truth is not None else cases(options.version), options.tier)
     forces, outside = read_forces(options.file, known)
     result = score(forces, known, outside=outside)
     text = "\n".join(_tabulate(result))
-    if options.json:
+    if options.json is not None:
         _write(Path(options.json), json.dumps(result, indent=1, allow_nan=False) + "\n")
         text += f"\nwrote {options.json}"
     return text
@@ -126,17 +130,19 @@ def _show(means: dict[str, Any], name: str, key: str) -> str:
 
 def _write(path: Path, text: str) -> None:
     """Write a file completely or not at all."""
+    if path.exists() and not path.is_file():
+        raise BenchError(f"--json: {path} is a folder, a device or a pipe, which is not replaced; name a file")
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise BenchError(f"--json: {path} cannot be written: {error.strerror}") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 if __name__ == "__main__":

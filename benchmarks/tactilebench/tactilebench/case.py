@@ -285,13 +285,47 @@ def load_truth(path: str | Path) -> tuple[Case, ...]:
     """
     from tactilebench.draw import draw
 
+    arrays = read_arrays(path)
     try:
-        with np.load(path) as file:
-            about, values = json.loads(str(file["about"])), np.stack([file["values"], file["half_widths"]])
+        about, values = json.loads(str(arrays["about"])), np.stack([arrays["values"], arrays["half_widths"]])
         drawn = {case.name: case for case in draw(about["version"], about["seed"])}
-        return tuple(_attach_truths(drawn, about["cases"], values))
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise BenchError(f"{path}: cannot be read as a file of truth: {error}") from None
+        known = tuple(_attach_truths(drawn, about["cases"], values))
+    except (ValueError, LookupError, TypeError) as error:
+        raise BenchError(f"{path}: is no file of truth that fits: {error}; compute it with truth.py") from None
+    if not known:
+        raise BenchError(f"{path}: holds the truth of no case; compute it with truth.py")
+    return known
+
+
+def read_arrays(path: str | Path) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of an npz file by name.
+
+    Raises:
+        BenchError: If the file is damaged, or no npz file.
+    """
+    try:
+        with Path(path).open("rb") as file, zipfile.ZipFile(file):  # numpy takes other files for pickles
+            pass
+        with np.load(path) as found:
+            return {name: found[name] for name in found}
+    except Exception as error:  # noqa: BLE001 -- damaged archives raise most kinds of errors, by what is damaged
+        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
+        raise BenchError(f"{path}: cannot be read: {why or type(error).__name__}; write it anew") from None
+
+
+def as_numbers(place: str, values: npt.ArrayLike) -> FloatArray:
+    """Return values as numbers.
+
+    Raises:
+        BenchError: If some are no real numbers, or masked.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise BenchError(f"{place}: is no array: {error}") from None
+    if array.dtype.kind not in "biuf" or (isinstance(values, np.ma.MaskedArray) and values.mask.any()):
+        raise BenchError(f"{place}: must hold real numbers, none masked, not {array.dtype}")
+    return array.astype(np.float64)
 
 
 def _attach_truths(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactilebench.case import BenchError, Case, FloatArray
+from tactilebench.case import BenchError, Case, FloatArray, as_numbers, read_arrays
 from tactilebench.draw import TIERS
 
 #: Largest accepted size of a file, and of the arrays in an npz file [bytes].
@@ -67,16 +67,20 @@ def _read_csv(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
     rows = csv.DictReader(lines)
     rows.fieldnames = [str(each).strip() for each in rows.fieldnames or ()]
     if missing := [name for name in COLUMNS if name not in rows.fieldnames and name != "instant"]:
-        raise BenchError(f"{path}: no column {missing[0]!r}; the columns are {','.join(COLUMNS)}")
+        raise BenchError(f"{path}: no column {missing[0]!r}; the columns are {','.join(COLUMNS)}, with commas between")
+    if twice := [name for name in COLUMNS if rows.fieldnames.count(name) > 1]:
+        raise BenchError(f"{path}: column {twice[0]!r} is listed twice; keep one of them")
     forces = {name: np.full((len(case.loads), case.shape[-1]), np.nan) for name, case in known.items()}
     outside = {name: np.full(len(case.loads), np.nan) for name, case in known.items()}
     tiers = {case.tier for case in known.values()}
     for row in rows:
         place, name = f"{path}:{rows.line_num + skipped}", (row["case"] or "").strip()
+        if None in row:
+            raise BenchError(f"{place} has more entries than the header; write decimals with a point, not a comma")
         if name in known:
             _take_row(f"{place}: {name}", row, forces[name], outside[name])
-        elif not (tier := re.match(r"[a-z_]+(?=-\d)", name)) or tier[0] in tiers or tier[0] not in TIERS:
-            raise BenchError(f"{place}: case {name!r} is unknown here; `python -m tactilebench cases` lists the cases")
+        else:
+            _check_tier(place, name, tiers)
     found = []
     for values in (forces, outside):
         stated = {name: each for name, each in values.items() if np.isfinite(each).any()}
@@ -111,27 +115,25 @@ def _read_npz(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
             raise BenchError(f"{path}: its arrays hold more than {LARGEST // 10**6} MB; give one array per case")
         if len(set(archive.namelist())) < len(archive.namelist()):
             raise BenchError(f"{path}: a case is listed twice; keep one of the arrays")
-    try:
-        with np.load(path) as file:
-            arrays = {name: file[name] for name in file}
-        if "version" in arrays:
-            _check_version(path, str(arrays.pop("version")), next(iter(known.values())).version)
-        numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
-    except (ValueError, TypeError) as error:
-        if isinstance(error, BenchError):
-            raise
-        raise BenchError(f"{path}: must hold arrays of numbers by the name of the case: {error}") from None
-    tiers = {case.tier for case in known.values()}
-    wanted = {name: values for name, values in numbers.items() if name.rpartition("-")[0] in tiers or name in known}
-    ends = f"/{OUTSIDE}"
-    return (
-        {name: values for name, values in wanted.items() if not name.endswith(ends)},
-        {
-            name.removesuffix(ends): values
-            for name, values in numbers.items()
-            if name.removesuffix(ends) in known and ends in name
-        },
-    )
+    arrays = read_arrays(path)
+    if "version" in arrays:
+        _check_version(path, str(arrays.pop("version")), next(iter(known.values())).version)
+    tiers, ends = {case.tier for case in known.values()}, f"/{OUTSIDE}"
+    forces: Forces = {}
+    outside: Forces = {}
+    for key, values in arrays.items():
+        name = key.removesuffix(ends)
+        if name in known:
+            (outside if key.endswith(ends) else forces)[name] = as_numbers(f"{path}: {key}", values)
+        else:
+            _check_tier(path, name, tiers)
+    return forces, outside
+
+
+def _check_tier(place: str | Path, name: str, tiers: set[str]) -> None:
+    """Raise a BenchError if the name of a case that is unknown here is not of another tier."""
+    if not (tier := re.match(r"[a-z_]+(?=-\d)", name)) or tier[0] in tiers or tier[0] not in TIERS:
+        raise BenchError(f"{place}: case {name!r} is unknown here; `python -m tactilebench cases` lists the cases")
 
 
 def _check_version(path: Path, text: str, version: str) -> None:

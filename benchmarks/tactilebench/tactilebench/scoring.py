@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactilebench import texel_metrics as metrics
-from tactilebench.case import BenchError, Case, FloatArray, cases
+from tactilebench.case import BenchError, Case, FloatArray, as_numbers, cases
 from tactilebench.wasserstein import wasserstein
 
 #: Scores by name: heading, unit, and factor from SI to the unit.
@@ -33,13 +33,17 @@ SCORES = {
     "active_area_iou": ("area IoU", "%", 100.0),
     "wasserstein_m": ("Wasserstein", "mm", 1e3),
 }
-#: Names of units with their factor from newtons, and the factor about it, up and down, that raises suspicion.
-_UNITS = (
-    ("mN", 1e3, 3.0),
-    ("kN", 1e-3, 3.0),
-    ("gf (grams)", 1e3 / 9.80665, 3.0),
-    ("kgf (kilograms)", 1 / 9.80665, 1.1),
+#: Likely faults with their factor from newtons, and the factor about it, up and down, that raises suspicion.
+_SUSPECTS = (
+    ("in uN", 1e6, 3.0),
+    ("in mN", 1e3, 3.0),
+    ("in kN", 1e-3, 3.0),
+    ("in gf (grams)", 1e3 / 9.80665, 3.0),
+    ("in kgf (kilograms)", 1 / 9.80665, 1.1),
+    ("negative under pressure", -1.0, 30.0),
 )
+#: Largest sum of forces over the true one that is scored [-], and largest force [N].
+_MOST, _LARGEST = 30.0, 1e9
 #: Number of bootstrap samples of the cases, and their seed.
 _SAMPLES, _SEED = 2000, 1
 
@@ -65,8 +69,11 @@ def score(
             or all forces seem to have another unit.
     """
     known = cases() if known is None else known
+    if not known:
+        raise BenchError("no case is known; take those of `tactilebench.cases()`")
     given = _check_forces(forces, known)
-    beyond = {name: np.asarray(values, dtype=np.float64) for name, values in (outside or {}).items()}
+    _refuse_strangers(outside or {}, known)
+    beyond = {name: as_numbers(f"outside of {name}", values) for name, values in (outside or {}).items()}
     rows = [_score_case(case, given[case.name], beyond.get(case.name)) for case in known]
     tiers = dict.fromkeys(case.tier for case in known)
     return {
@@ -81,7 +88,7 @@ def score(
 def score_case(case: Case, forces: npt.ArrayLike, outside: npt.ArrayLike | None = None) -> dict[str, Any]:
     """Score the forces of one case; see `score`, of whose cases this is one."""
     known = _check_forces({case.name: forces}, [case])[case.name]
-    return _score_case(case, known, None if outside is None else np.asarray(outside, dtype=np.float64))
+    return _score_case(case, known, None if outside is None else as_numbers(f"outside of {case.name}", outside))
 
 
 def list_scores() -> tuple[str, ...]:
@@ -89,11 +96,16 @@ def list_scores() -> tuple[str, ...]:
     return tuple(SCORES) if importlib.util.find_spec("scipy") else tuple(SCORES)[:-1]
 
 
+def _refuse_strangers(names: Mapping[str, npt.ArrayLike], known: Sequence[Case]) -> None:
+    """Raise a BenchError if there is no case of a name."""
+    if strange := sorted(set(names) - {case.name for case in known}):
+        raise BenchError(f"case {strange[0]!r} is unknown; `python -m tactilebench cases` lists the cases")
+
+
 def _check_forces(forces: Mapping[str, npt.ArrayLike], known: Sequence[Case]) -> dict[str, FloatArray]:
     """Return the forces as arrays; raise a BenchError if they are not whole."""
     names = {case.name for case in known}
-    if strange := [name for name in forces if name not in names]:
-        raise BenchError(f"case {strange[0]!r} is unknown; `python -m tactilebench cases` lists the cases")
+    _refuse_strangers(forces, known)
     if missing := sorted(names - set(forces)):
         raise BenchError(
             f"{len(missing)} of {len(names)} cases are missing, for example {missing[0]}; add them, or score "
@@ -101,20 +113,25 @@ def _check_forces(forces: Mapping[str, npt.ArrayLike], known: Sequence[Case]) ->
         )
     found = {}
     for case in known:
-        values = np.asarray(forces[case.name], dtype=np.float64)
+        values = as_numbers(case.name, forces[case.name])
         rows = (*case.shape[:-1], case.rows, case.columns)
         if values.shape not in {case.shape, rows}:
             raise BenchError(f"{case.name}: forces of shape {values.shape}; expected {case.shape} or {rows}")
-        if not np.isfinite(values).all():
-            raise BenchError(
-                f"{case.name}: texel {int(np.argmin(np.isfinite(values)))} is not finite; compute it again"
-            )
-        found[case.name] = values.reshape(case.shape)
+        found[case.name] = values = values.reshape(case.shape)
+        if (faults := np.argwhere(~(np.abs(values) < _LARGEST))).size:
+            place = f"{f'instant {faults[0][0]}, ' if case.motion else ''}texel {faults[0][-1]}"
+            raise BenchError(f"{case.name}: {place} has {values[tuple(faults[0])]:.4g} N; compute it again")
     ratios = [found[case.name].sum() / case.require_truth().forces.sum() for case in known]
     low, middle, high = np.quantile(ratios, (0.25, 0.5, 0.75)).tolist()
-    for unit, factor, wide in _UNITS:
-        if factor / wide < low and high < factor * wide:
-            raise BenchError(f"the forces are {middle:.4g} times the true ones, as if in {unit}; give them in newtons")
+    guesses = []
+    for fault, factor, wide in _SUSPECTS:
+        least, most = sorted((low / factor, high / factor))
+        if 1 / wide < least and most < wide:
+            guesses.append(f", as if {fault}")
+    if guesses or low > _MOST:
+        raise BenchError(
+            f"the forces are {middle:.4g} times the true ones{''.join(guesses)}; give newtons, positive under pressure"
+        )
     return found
 
 
