@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fem_reference.closed_form.contact import indent
-from fem_reference.indentation.finite_strain import press_ball
+from fem_reference.indentation.ball_path import press_ball
 from meshes import Cover, Layer, Material, Sphere
 from validation.resolution.ball import DEPTHS, LEAST_FINITE, PATH, RADII, RATIOS, estimate_errors
 

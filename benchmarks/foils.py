@@ -17,7 +17,7 @@ import fastmodel
 from fastmodel import WTS_0614_34, Gaussian, Parameters
 from fastmodel.bench import TIMESTEP, add_indenter
 from fem_reference import point_spread
-from fem_reference.indentation.finite_strain import press_ball
+from fem_reference.indentation.ball_path import press_ball
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
 from validation.derivation.contact_range import measure_misplaced, press_ball_on_array, state_range

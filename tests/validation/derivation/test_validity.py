@@ -7,7 +7,7 @@ import pytest
 
 import fastmodel
 from fem_reference import point_spread
-from fem_reference.indentation.finite_strain import press_ball
+from fem_reference.indentation.ball_path import press_ball
 from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
 from fem_reference.linear_response.surface_compliance import membrane_length
 from meshes import Cover, Layer, Material, Sphere, TexelArray

@@ -12,7 +12,7 @@ import fastmodel
 import validation
 from fem_reference.closed_form.contact import indent
 from fem_reference.closed_form.layer import tabulate_texel_response, transfer
-from fem_reference.indentation.finite_strain import press_ball as press_finite
+from fem_reference.indentation.ball_path import press_ball as press_finite
 from meshes import Cover, Layer, Material, Sphere
 from meshes.hardness import modulus_from_hardness
 from meshes.layer import scale_layers
