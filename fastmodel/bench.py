@@ -51,6 +51,8 @@ GYRATION_RADIUS = 1e-3
 _LEAST_LOAD = 1e-7
 #: Heights at which a resting guided indenter is sought, from the start downwards [m].
 _HEIGHTS = np.linspace(0, -1e-3, 11)
+#: Number of points along each side of a body's footprint at which its reach is measured [-].
+_SAMPLES = 41
 #: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
 
@@ -204,7 +206,10 @@ class Bench:
             check_type("placement", placement, Placement, "a fastmodel.Placement")
             _check_placement(placement)
         self._parameters, self._placements = parameters, placements
-        self._name, self._method = choose_method(contact, parameters)
+        self._name, method = choose_method(contact, parameters)
+        self._method = (
+            method if parameters.ends_at_texels else method.hold(parameters.array, _reach(parameters, placements))
+        )
         self._model = _build_model(parameters, placements, self._method)
         self._reader = self._method.bind(self._model, parameters.array, _ARRAY, surface=parameters.surface)
         with report_slow_compilation("simulated bench test"):
@@ -262,6 +267,23 @@ class Bench:
             body.quat = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
         self._reader.set_state(self._start)
         mujoco.mj_resetData(self._model, self._data)
+
+
+def _reach(parameters: Parameters, placements: Sequence[Placement]) -> tuple[float, float]:
+    """Find how far the bodies reach from the middle of the array, up to the thickness of the cover, in x and y [m]."""
+    centres, surface = parameters.array.centres[:, :2], parameters.surface
+    height = np.inf if surface is None else surface.thickness
+    far = np.zeros(2)
+    for placement in placements:
+        shape = placement.indenter
+        x, y = np.meshgrid(*(half * np.linspace(-1, 1, _SAMPLES) for half in shape.footprint))
+        near = shape.gap(x, y) <= height
+        cosine, sine = np.cos(placement.yaw), np.sin(placement.yaw)
+        turned = np.array([cosine * x - sine * y, sine * x + cosine * y])[:, near]
+        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
+        at = np.abs(np.subtract(placement.at, middle)[:, None] + turned)
+        far = np.maximum(far, at.max(axis=1, initial=0.0))
+    return float(far[0]), float(far[1])
 
 
 def _describe(

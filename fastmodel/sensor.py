@@ -37,7 +37,7 @@ from fastmodel.signal.chain import ChainFunctions, ChainState
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State, make_generator, pack, pack_generator, take_array, unpack, unpack_generator
-from fastmodel.validity import describe_offset, find_offset
+from fastmodel.validity import describe_end, describe_offset, find_offset, goes_on
 from meshes.array_types import FloatArray
 
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  Half the sampling rate, the highest
@@ -183,6 +183,7 @@ class Sensor:
         self._validity = parameters.validity
         #: Distance of centres of pressure above which a warning is given, half a pitch [m]; None after the warning.
         self._farthest: float | None = 0.5 * min(parameters.array.pitch)
+        self._at_end = False
         self._noise = make_generator(parameters.electronics.seed, self._label)
         self._settle(0.0)
 
@@ -323,12 +324,7 @@ class Sensor:
                 raise FastModelError(f"sensor {self._label!r}: contact forces are not finite at t = {now:g} s")
             self._state = self._functions.take(self._state, *_list_signals(reading))
             self._reading, self._sampled_at = reading, now
-            if self._validity is not None and self._validity.is_exceeded(reading):
-                warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
-                self._validity = None  # Only the first contact beyond the range gives a warning.
-            if self._farthest is not None and find_offset(reading) > self._farthest:
-                warn_user(f"sensor {self._label!r}: {describe_offset(reading)}", RangeWarning)
-                self._farthest = None  # The same holds for centres of pressure.
+            self._warn_of_limits(reading)
         self._steps += 1
         due = self._count_due(self._sampled_at)
         if due <= self._frames:
@@ -569,6 +565,18 @@ class Sensor:
             self._start_in(model, self._prefix, self._suffix)
             self._restore(state)
             self._data = data
+
+    def _warn_of_limits(self, reading: Reading) -> None:
+        """Warn of a reading that lies beyond what the model can compute, once for each kind of limit."""
+        if self._validity is not None and self._validity.is_exceeded(reading):
+            warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
+            self._validity = None
+        if self._farthest is not None and find_offset(reading) > self._farthest:
+            warn_user(f"sensor {self._label!r}: {describe_offset(reading)}", RangeWarning)
+            self._farthest = None
+        if not self._at_end and goes_on(reading):
+            warn_user(f"sensor {self._label!r}: {describe_end(reading)}", RangeWarning)
+            self._at_end = True
 
     def _check_clock(self, now: float) -> None:
         """Start the clock of the sensor on its first step; on a later step raise an error about a jump in time."""

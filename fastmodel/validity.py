@@ -11,6 +11,8 @@ from dataclasses import dataclass, fields
 
 from fastmodel.contact.interface import Reading
 
+#: Share of the force on the outermost cells of a plate above which a contact may go on beyond it [-].
+_AT_END = 1e-3
 #: Number of cells of the contact grid under pressure below which the cells do not resolve a contact [-].
 FEWEST_CELLS = 9
 #: Names of the strain theories of the finite-element model with which the fast model may have been compared.
@@ -88,6 +90,20 @@ class Validity:
         )
 
 
+def goes_on(reading: Reading) -> bool:
+    """Return whether a contact reaches the end of a plate whose margin nobody states, and may go on beyond it."""
+    return reading.at_end > _AT_END
+
+
+def describe_end(reading: Reading) -> str:
+    """Describe in one sentence a contact that reaches the end of the plate."""
+    return (
+        f"a contact reaches the end of the plate, whose outermost cells bear {reading.at_end:.2g} of the force: the "
+        "cover beyond it bears nothing here, and the texels bear too much; state the width of the cover beyond the "
+        "texels, margin in [array] of the sensor file or of meshes.TexelArray"
+    )
+
+
 def find_offset(reading: Reading) -> float:
     """Find the distance of the centre of pressure from that of MuJoCo's contacts, for bodies that may tilt [m]."""
     if reading.torques is None or not reading.carried > 0:
@@ -116,6 +132,8 @@ def describe_limits(reading: Reading, validity: Validity | None) -> tuple[str, .
             f"a contact covers only {reading.fewest_cells} of the fast model's cells: its depth is not resolved, and "
             f"its place is uncertain by the size of a cell"
         )
+    if goes_on(reading):
+        messages.append(describe_end(reading))
     if validity is not None and validity.is_exceeded(reading):
         messages.append(validity.describe_excess(reading))
     return tuple(messages)

@@ -37,6 +37,8 @@ class Reading(NamedTuple):
         tangential: Tangential force on each texel along its two tangents (x and y of a flat array), before spread,
             shape (n, 2); None if the contact method does not compute it [N].
         tangential_source: Method by which the tangential forces were computed, see `Frame.tangential_source`.
+        at_end: Share of the force on the outermost cells of a plate whose margin nobody states [-]: the contact may go
+            on beyond the plate, and the force there is missing.
     """
 
     contact_forces: FloatArray
@@ -48,6 +50,7 @@ class Reading(NamedTuple):
     torques: FloatArray | None = None
     tangential: FloatArray | None = None
     tangential_source: str = ""
+    at_end: float = 0.0
 
     def change(self, values: FloatArray, torques: FloatArray) -> Reading:
         """Return the reading with changed values.
@@ -85,6 +88,15 @@ class TexelContact(Protocol):
 
         Raises:
             FastModelError: If the method needs another cover.
+        """
+        return self
+
+    def hold(self, array: TexelArray, reach: tuple[float, float]) -> TexelContact:  # noqa: ARG002 -- some methods need it
+        """Return this contact method with a plate that holds bodies, if it has one and nobody states its margin.
+
+        Args:
+            array: The texels.
+            reach: Largest distances of the bodies from the middle of the array, along x and y [m].
         """
         return self
 

@@ -47,6 +47,8 @@ from meshes.array_types import FloatArray, IntArray
 #: Reach at the first contact of a body [-]: height above the body's smallest gap up to which cells are sampled, over
 #: the cover's thickness, or for `Foundation` over the pitch.  Later readings adapt the reach to the contact.
 _FIRST = 0.1
+#: Largest margin of a plate that is widened for a body [pitches].
+_MOST_PITCHES = 24
 #: Modulus of the elastic foundation without cover data, about that of 2 mm of rubber [Pa/m]; and the number of its
 #: cells along each texel pitch [-].
 _MODULUS, _PER_TEXEL = 1e9, 4
@@ -68,6 +70,7 @@ class Plate:
             combines its default values with those of the touching geom.
         solimp: MuJoCo's five impedance parameters of the plate's contacts, given together with `solref`: impedance at
             zero depth and at full width, width, midpoint, power [-, -, m, -, -].
+        widened: Whether the margin was chosen to hold bodies, so that nobody states it.
     """
 
     height: float = 2e-3
@@ -76,6 +79,7 @@ class Plate:
     conaffinity: int = EVERY
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] | None = None
+    widened: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -141,6 +145,17 @@ class _PlateMethod(TexelContact):
         if surface is None or surface.margin is None:
             return self
         return replace(self, plate=replace(self.plate, margin=surface.margin))
+
+    def hold(self, array: TexelArray, reach: tuple[float, float]) -> Self:
+        """Return the method with a plate that holds bodies, at most `_MOST_PITCHES` wide; see `TexelContact.hold`."""
+        if self.plate.margin is not None or array.margin is not None or not array.regular:
+            return self
+        sides = np.multiply(array.pitch, (array.columns, array.rows)) / 2
+        pitches = np.clip(np.ceil(np.subtract(reach, sides) / array.pitch) + 1, 1, _MOST_PITCHES)
+        if (pitches == 1).all():
+            return self
+        x, y = (pitches * array.pitch).tolist()
+        return replace(self, plate=replace(self.plate, margin=(x, y), widened=True))
 
     def sample_top(
         self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, array: TexelArray
@@ -271,6 +286,7 @@ class CellReader(PressureReader):
         self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
         self._press_plate, self._spread = compile_kernel(press_plate), compile_kernel(spread_on_window)
         self._first, self._reach = _FIRST * first, dict[int, float]()
+        self._may_go_on = (plate.margin is None or plate.widened) and array.margin is None and not self._grid.panels
         self._nothing = self.at_rest(np.zeros(array.count))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -425,12 +441,19 @@ class CellReader(PressureReader):
             # on cells in one plane the approach of a body is one number
             approach=solution.approach if len(self._grid.panels) <= 1 else None,
             fewest_cells=int(pressed.min()),
+            at_end=self._measure_end(samples, solution.forces) if self._may_go_on else 0.0,
         )
         cells = samples.body, samples.place, samples.normal
         depth = float((solution.surface - samples.gap).max())
         return self._conclude(
             contact, kept, self._add_points(contact, reading), cells, solution.forces, depth=depth, layout=tuple(layout)
         )
+
+    def _measure_end(self, samples: GapSamples, forces: FloatArray) -> float:
+        """Return the share of the force on the outermost cells of the grid [-]."""
+        outer = (samples.row % (self._grid.rows - 1) == 0) | (samples.column % (self._grid.columns - 1) == 0)
+        total = float(forces.sum())
+        return float(forces[outer].sum()) / total if total > 0 else 0.0
 
     def _find_point_torque(self, points: FloatArray) -> FloatArray:
         """Return the torque of point forces, shape (3,) [N m]; on panels their places in space are not known."""

@@ -9,7 +9,7 @@ import fastmodel
 from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters, Placement, bench, indent
 from fastmodel.bench import Bench
 from fastmodel.errors import MissedArrayError
-from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray, tilt_indenter
+from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray, tilt_indenter
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 
@@ -59,6 +59,47 @@ def test_face_on_whole_texels_is_shared_evenly():
     shape = Box(size=(3.3 * 3.4e-3, 3.3 * 3.4e-3, 5e-3))
     result = indent(PARAMETERS, shape, load=9.0, at=(1.7e-3, 1.7e-3))
     assert result.contact_forces.max() == pytest.approx(result.contact_forces[result.contact_forces > 0].min())
+
+
+@pytest.mark.parametrize("method", ["cover", "foundation"])
+@pytest.mark.parametrize(
+    ("shape", "at", "yaw"),
+    [
+        (Box(size=(11e-3, 16e-3, 8e-3)), (-9e-3, 21e-3), 0.0),
+        (LetterH(size=(14e-3, 17e-3), bar=4e-3), (11e-3, 5e-3), 0.6),
+        (Sphere(radius=60e-3), (0.0, 25e-3), 0.0),
+        (Nut(across=16e-3, bore=10e-3), (-9e-3, 0.0), 0.3),
+    ],
+)
+def test_a_body_beyond_the_array_presses_on_a_cover_that_goes_on(shape, at, yaw, method):
+    """Without a stated margin the cover goes on, as in the finite elements: like one with a wide stated margin."""
+    parameters = fastmodel.load("wts-0614-34")
+    wide = dataclasses.replace(parameters.array, margin=(40e-3, 40e-3))
+    found = indent(parameters, shape, load=3.0, at=at, yaw=yaw, contact=method)
+    known = indent(dataclasses.replace(parameters, array=wide), shape, load=3.0, at=at, yaw=yaw, contact=method)
+    assert found.texel_forces == pytest.approx(known.texel_forces, abs=1e-4 * 3.0)
+    assert found.outside == pytest.approx(known.outside, abs=1e-3 * 3.0)
+    assert found.outside > 0.1 * 3.0
+    assert not any("end of the plate" in each for each in found.warnings)
+
+
+def test_a_face_that_lies_half_beyond_the_array_loads_the_texels_by_half():
+    """A foundation bears a flat face evenly: the middle of 7 x 14 mm lies on the edge of the array."""
+    array = TexelArray.grid(8, 6, pitch=3.5e-3)
+    parameters = Parameters(
+        array=array, spread=Gaussian(sigma_x=0.5, sigma_y=0.5, ksize_x=3, ksize_y=3), electronics=WTS_0614_34
+    )
+    found = indent(parameters, Box(size=(7e-3, 14e-3, 5e-3)), load=3.0, at=(0.0, 14e-3), contact="foundation")
+    assert found.contact_forces.sum() == pytest.approx(1.5, rel=0.02)
+    assert found.total_force == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_body_far_beyond_the_widest_plate_is_said_to_go_on():
+    parameters = fastmodel.load("wts-0614-34")
+    found = indent(parameters, Box(size=(0.4, 0.4, 0.01)), load=50.0)
+    assert any("reaches the end of the plate" in each for each in found.warnings)
+    stated = dataclasses.replace(parameters, array=dataclasses.replace(parameters.array, margin=(2e-3, 2e-3)))
+    assert not indent(stated, Box(size=(0.4, 0.4, 0.01)), load=50.0).warnings
 
 
 def test_a_bent_array_carries_the_weight():

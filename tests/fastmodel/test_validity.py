@@ -14,8 +14,8 @@ from fastmodel import RangeWarning
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import ParametersError
 from fastmodel.validity import Validity, describe_limits
-from meshes import Sphere
-from tests.support.scenes import make_spec, simulate
+from meshes import Box, Sphere
+from tests.support.scenes import make_spec, run, simulate
 
 PARAMETERS = fastmodel.load("wts-0614-34")
 RANGE = Validity(
@@ -83,6 +83,20 @@ def test_a_range_of_bad_values_is_refused_also_in_a_file(tmp_path, name, value, 
     path.write_text(head + "[validity]" + re.sub(rf"(?m)^{name} = .*$", f"{name} = {text}", section))
     with pytest.raises(ParametersError, match=rf"parameters.toml: \[validity\] .*{message}"):
         fastmodel.load(tmp_path / "sensor")
+
+
+@pytest.mark.parametrize(("margin", "warned"), [(None, 1), ((3e-3, 3e-3), 0)])
+def test_a_running_sensor_warns_once_of_a_contact_that_may_go_on_beyond_the_plate(margin, warned):
+    array = dataclasses.replace(PARAMETERS.array, margin=margin)
+    spec = make_spec(timestep=2e-3)
+    sensor = fastmodel.attach(spec, "world", dataclasses.replace(PARAMETERS, array=array, validity=None), every=1)
+    fastmodel.add_indenter(spec, Box(size=(0.1, 0.1, 0.01)), 8.0)
+    model, data = simulate(spec, sensor, 0)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run(sensor, model, data, 100)
+    assert [each.category for each in caught] == [RangeWarning] * warned
+    assert all("reaches the end of the plate" in str(each.message) for each in caught)
 
 
 def test_a_running_sensor_warns_once():
