@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 
 #: The smaller ball: indenter, and position of its axis from the array's centre over the pitch.
 _SMALL_BALL, _PLACE = "sphere:radius=4mm", (0.2, -0.35)
+#: Smallest distance of a body's axis from the edge of the array over the pitch [-].
+_INSIDE = 0.1
+#: Smallest number of cells of the grid of hydroelastic contact that lie below the depth of the finite elements [-].
+_CELLS = 12
 #: Smallest ratio of the loads of a range that follows from the electronics [-].
 _RATIO = 0.1
 
@@ -142,6 +146,8 @@ def make_presses(
     small = Case.read("small ball", _SMALL_BALL, "1 N")
     at = (_PLACE[0] * array.pitch[0], _PLACE[1] * array.pitch[1])
     bodies = [replace(small, pose=Pose.planar(at=at)), *choose_calibration(array, ())]
+    edge = np.array(array.pitch) * (np.array([array.columns, array.rows]) / 2 - _INSIDE)
+    bodies = [replace(each, pose=Pose.planar(at=np.clip(each.pose.at, -edge, edge).tolist())) for each in bodies]
     borne = [bear(cover, body.indenter) for body in bodies]
     if sum(most >= high for most in borne) < 2:  # noqa: PLR2004 -- a fit needs two shapes
         raise InputError(
@@ -180,6 +186,35 @@ def score(candidates: Sequence[Candidate], cover: Cover, presses: Sequence[Calib
         known[each.name] = values
         rows.append(_score(each, values, presses, unseen))
     return rows
+
+
+def check_fit(candidate: Candidate, row: ScoredValues, presses: Sequence[CalibrationPress]) -> None:
+    """Refuse fitted values that the presses do not settle.
+
+    Args:
+        candidate: The law.
+        row: Its fitted values.
+        presses: The presses.
+
+    Raises:
+        InputError: If the contact of a press lies on too few cells of the grid of hydroelastic contact, or twice a
+            value scores the same.
+    """
+    smallest = min(press.scene.load for press in presses)
+    for press in presses if candidate.sink else ():
+        gaps = press.scene.map.gaps
+        if np.count_nonzero(gaps - gaps.min() < press.reference.depth) < _CELLS:
+            raise InputError(
+                f"--load: under {press.scene.load:.3g} N the contact of {press.scene.case.shape} is smaller than the "
+                "cells that resolve it, so that no modulus follows; take larger loads"
+            )
+    for name in row.fitted:
+        twice = list_errors(candidate.model, {**row.parameters, name: 2 * row.parameters[name]}, presses)
+        if math.isclose(float(np.mean(twice)), row.mean, rel_tol=1e-6, abs_tol=1e-9):
+            raise InputError(
+                f"--load: presses from {smallest:.3g} N on do not settle the {name}: twice its value scores the same; "
+                "take larger loads"
+            )
 
 
 def _measure_unseen(candidate: Candidate, cover: Cover, presses: Sequence[CalibrationPress]) -> float:

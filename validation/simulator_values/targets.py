@@ -30,7 +30,7 @@ from validation.simulator_values.models import (
     list_taxels,
     tabulate_kernel,
 )
-from validation.simulator_values.scoring import Presses, ScoredValues, make_presses, score
+from validation.simulator_values.scoring import Presses, ScoredValues, check_fit, make_presses, score
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -167,7 +167,8 @@ def score_target(
         presses: The presses, if they were made before; otherwise they are made.
 
     Raises:
-        InputError: If nothing is scored on this kind of array or cover, or the cover does not bear the loads.
+        InputError: If nothing is scored on this kind of array or cover, the cover does not bear the loads, or these
+            are too small to settle the values.
         ConvergenceError: If the finite elements do not converge.
     """
     cover, target, array = sensor.layered_cover, TARGETS[form], parameters.array
@@ -178,7 +179,9 @@ def score_target(
         )
     presses = presses or make_presses(cover, parameters, loads, progress)
     progress(f"fits of {len(presses.presses)} presses")
-    rows = score(target.laws(cover, parameters), cover, presses.presses)
+    laws = target.laws(cover, parameters)
+    rows = score(laws, cover, presses.presses)
+    check_fit(laws[0], rows[0], presses.presses)
     deepest = max(press.reference.depth for press in presses.presses)
     law = next((row.parameters for row in rows if row.name == POWER), None)
     depths = np.linspace(0.0, 1.25 * deepest, _LAW_POINTS)
@@ -236,13 +239,15 @@ def _write_sdf(scores: Scores, sensor: SensorDescription, parameters: Parameters
         pitch * count
         for pitch, count in zip(parameters.array.pitch, (parameters.array.columns, parameters.array.rows), strict=True)
     )
+    smallest = min(width, length, height)
+    box = modulus / height * smallest / 2
     about = "\n".join(scores.describe())  # not in a comment, which must not hold two hyphens
     return f"""<?xml version="1.0"?>
 <?softcover
 {about}
-Drake's pressure is the modulus times the extent, which is 1 at half the height of a box: a box of height h gets half
+Drake's pressure is the modulus times the extent, which is 1 at half the smallest edge s of a box: a box gets s / 2h of
 the modulus of a half space whose slab is h thick.
-  box of height {height:.6g} m: hydroelastic_modulus {modulus / 2:.6g} Pa
+  box with smallest edge {smallest:.6g} m: hydroelastic_modulus {box:.6g} Pa
   half space, slab_thickness {height:.6g} m: hydroelastic_modulus {modulus:.6g} Pa
 ?>
 <sdf version="1.9" xmlns:drake="https://drake.mit.edu">
@@ -253,7 +258,7 @@ the modulus of a half space whose slab is h thick.
         <geometry><box><size>{width:.6g} {length:.6g} {height:.6g}</size></box></geometry>
         <drake:proximity_properties>
           <drake:compliant_hydroelastic/>
-          <drake:hydroelastic_modulus>{modulus / 2:.6g}</drake:hydroelastic_modulus>
+          <drake:hydroelastic_modulus>{box:.6g}</drake:hydroelastic_modulus>
           <drake:mesh_resolution_hint>{min(parameters.array.pitch) / 4:.6g}</drake:mesh_resolution_hint>
         </drake:proximity_properties>
       </collision>
@@ -317,14 +322,29 @@ def _write_genesis(scores: Scores, sensor: SensorDescription, parameters: Parame
 
 
 def _write_isaac(scores: Scores, sensor: SensorDescription, parameters: Parameters) -> str:
-    array, points = parameters.array, POINTS_PER_TEXEL
+    """Return the options of Isaac Lab's sensor, for a mesh of the size of the array in the array's frame.
+
+    Along the mesh's axes a and b the sensor places n_a and n_b points with one spacing, the smaller one of
+    (size - 2 margin) / (n + 1), and lists them a by a.
+    """
+    fine = divide(parameters.array, POINTS_PER_TEXEL)
+    spacing = min(fine.pitch)
+    if not math.isclose(*fine.pitch, rel_tol=1e-6):
+        raise InputError(
+            f"--format isaac: its points have one spacing along both sides, which the pitches of {sensor.source} do "
+            "not allow; take genesis, whose points are placed one by one"
+        )
     options = {
         "normal_contact_stiffness": scores.values["stiffness"],
-        "tactile_array_size": (points * array.rows, points * array.columns),
-        "tactile_margin": min(array.pitch) / points / 2,
+        "tactile_array_size": (fine.columns, fine.rows),
+        "tactile_margin": -spacing / 2,
     }
-    kernel = tabulate_kernel(sensor.layered_cover, divide(array, points))
-    return _write_json(scores, {"sensor": "VisuoTactileSensorCfg", "options": options, "kernel_behind": kernel})
+    mesh = [spacing * fine.columns, spacing * fine.rows]
+    kernel = tabulate_kernel(sensor.layered_cover, fine).T
+    return _write_json(
+        scores,
+        {"sensor": "VisuoTactileSensorCfg", "options": options, "elastomer_size_m": mesh, "kernel_behind": kernel},
+    )
 
 
 def _give_example(scores: Scores, parameters: Parameters) -> tuple[str, np.ndarray]:
@@ -379,6 +399,9 @@ def _write_message(scores: Scores, sensor: SensorDescription, parameters: Parame
 
 _NO_SPREAD = "Contact forces lie on the top of the cover; scored.json holds the spread to the texels: force j adds "
 _SPREAD = _NO_SPREAD + "f_j share(|x_i - x_j|, |y_i - y_j|) to texel i.  Without it the rows `no spread` hold."
+_EDGE = (
+    "The box ends at the edge of the array, where the scored cover goes on: a press that reaches over it is not scored."
+)
 _KINEMATIC = (
     "The depth of the bodies is that at which the forces carry the load; the engine must let them sink so far.",
     f"Add the {POINTS_PER_TEXEL} x {POINTS_PER_TEXEL} points of each texel behind the kernel.",
@@ -388,12 +411,12 @@ TARGETS = {
     "drake": Target(
         suffix=".sdf", laws=list_hydroelastic, write=_write_sdf,
         form="read by Drake 1.51; its pressures in a box and in a half space were compared with p = k d",
-        notes=(_SPREAD, "A box is softer again beyond half its height; there the law above ends."),
+        notes=(_SPREAD, "A box is softer again beyond half its smallest edge; there the law above ends.", _EDGE),
     ),
     "newton": Target(
         suffix=".usda", laws=list_hydroelastic, write=_write_usda,
         form="newton-physics/newton, NewtonSDFCollisionAPI (pull requests 2533, 2705); not run here, not verified",
-        notes=(_SPREAD,),
+        notes=(_SPREAD, _EDGE),
     ),
     "genesis": Target(
         suffix=".json", laws=list_taxels, write=_write_genesis,
@@ -403,9 +426,14 @@ TARGETS = {
     ),
     "isaac": Target(
         suffix=".json", laws=list_penalty, write=_write_isaac,
-        form="isaac-sim/IsaacLab, tacsl_sensor/visuotactile_sensor_cfg.py, commit 08b760d; the same stiffness is kn of "
+        form="isaac-sim/IsaacLab, tacsl_sensor/visuotactile_sensor.py, commit 0658602; the same stiffness is kn of "
         "FlexiTac; not run here, not verified",
-        notes=(*_KINEMATIC, "The sensor has no kernel: convolve its normal forces with `kernel_behind`."),
+        notes=(
+            *_KINEMATIC,
+            "The sensor has no kernel: convolve its normal forces with `kernel_behind`.",
+            "The margin is for an elastomer mesh of `elastomer_size_m` along the x and y of the array.",
+            "Points and kernel run along y fastest: transpose them to get texels row by row.",
+        ),
     ),
     "lerobot": Target(
         suffix=".json", laws=list_fast, write=_write_lerobot,

@@ -31,7 +31,14 @@ from validation.simulator_values.models import (
     refine,
     tabulate_kernel,
 )
-from validation.simulator_values.scoring import ScoredPress, ScoredValues, find_loads, make_presses, score
+from validation.simulator_values.scoring import (
+    ScoredPress,
+    ScoredValues,
+    check_fit,
+    find_loads,
+    make_presses,
+    score,
+)
 from validation.simulator_values.targets import TARGETS, Scores, score_target
 
 SENSOR = BUILT_IN["wts-0614-34"]
@@ -179,12 +186,18 @@ def test_every_file_states_range_error_shapes_limits_and_command(texts):
             assert wanted in text
 
 
-def test_drakes_box_has_half_the_modulus_because_its_extent_is_one_at_half_its_height(texts):
-    root = ET.fromstring(texts["drake"])  # noqa: S314 -- our own
+@pytest.mark.parametrize("pitch", [3.4e-3, 0.3e-3])  # 6 columns: with 0.3 mm the box is less wide than it is high
+def test_drakes_pressure_is_one_modulus_at_half_the_smallest_edge_of_a_box(pitch):
+    # geometry/proximity/make_box_field.h: the extent is the depth over half the smallest edge.
+    array = TexelArray.grid(14, 6, pitch)
+    parameters = dataclasses.replace(fastmodel.load("wts-0614-34"), array=array, surface=None, tables={})
+    text = TARGETS["drake"].write(make_scores("drake", parameters), SENSOR, parameters)
+    root = ET.fromstring(text)  # noqa: S314 -- our own
     modulus = root.find(".//{https://drake.mit.edu}hydroelastic_modulus")
     size = [float(each) for each in root.find(".//size").text.split()]
-    assert float(modulus.text) / (size[2] / 2) == pytest.approx(3.2e6 / 2e-3)  # p over d
-    assert size == pytest.approx([6 * 3.4e-3, 14 * 3.4e-3, 2e-3])
+    assert float(modulus.text) / (min(size) / 2) == pytest.approx(3.2e6 / 2e-3)  # p over d
+    assert size == pytest.approx([6 * pitch, 14 * pitch, 2e-3])
+    assert f"hydroelastic_modulus {float(modulus.text):.6g} Pa" in text
     top = float(root.find(".//pose").text.split()[2]) + size[2] / 2
     assert top == pytest.approx(0)
 
@@ -206,8 +219,51 @@ def test_kinematic_sensors_get_points_stiffness_and_kernel(texts):
     assert 0.97 < kernel.sum() < 1.001
     assert kernel.max() == kernel[tuple(np.array(kernel.shape) // 2)]
     assert isaac["options"]["normal_contact_stiffness"] == 811.0
-    assert isaac["options"]["tactile_array_size"] == [56, 24]
-    assert isaac["kernel_behind"] == options["crosstalk_kernel"]
+    np.testing.assert_array_equal(np.transpose(isaac["kernel_behind"]), kernel)
+    # visuotactile_sensor.py: one spacing, the smaller one, and points listed along the mesh's first axis first.
+    count = np.array(isaac["options"]["tactile_array_size"])
+    room = np.array(isaac["elastomer_size_m"]) - 2 * isaac["options"]["tactile_margin"]
+    along = [np.linspace(-0.5, 0.5, n + 2)[1:-1] * (n + 1) * min(room / (count + 1)) for n in count]
+    placed = np.array([(x, y) for x in along[0] for y in along[1]]).reshape(*count, 2)
+    np.testing.assert_allclose(placed.transpose(1, 0, 2), points[:, :, :2], atol=1e-9)
+    assert isaac["elastomer_size_m"] == pytest.approx([6 * 3.4e-3, 14 * 3.4e-3])
+
+
+def test_isaacs_equally_spaced_points_fit_no_array_of_two_pitches():
+    array = TexelArray.grid(6, 4, (4e-3, 3e-3))
+    parameters = dataclasses.replace(fastmodel.load("wts-0614-34"), array=array, surface=None, tables={})
+    with pytest.raises(InputError, match=r"--format isaac: its points have one spacing .*; take genesis"):
+        TARGETS["isaac"].write(make_scores("isaac", parameters), SENSOR, parameters)
+
+
+@pytest.mark.parametrize("load", [2e-6, 2e-3])
+def test_loads_that_settle_no_modulus_are_refused(scene, load):
+    """At 2 uN every modulus gives one cell, at 2 mN a few cells, whose modulus would be wrong by a factor."""
+    model = hydroelastic(scene.cover, SPREADS[0])
+    presses = []
+    for share, shape in ((1.0, "a"), (1.5, "b")):
+        case = dataclasses.replace(scene.case, load=share * load, shape=shape)
+        other = dataclasses.replace(scene, case=case)
+        planted = Reference(other, model, {"modulus": 2.9e6, "exponent": 1.0})
+        presses.append(CalibrationPress(scene=other, reference=planted))
+    law = list_hydroelastic(scene.cover, None)[0]
+    (row,) = score([law], scene.cover, presses)
+    with pytest.raises(InputError, match=r"--load: .*; take larger loads"):
+        check_fit(law, row, presses)
+    if load < 1e-4:
+        with pytest.raises(InputError, match="do not settle the modulus: twice its value"):
+            check_fit(dataclasses.replace(law, sink=None), row, presses)
+
+
+@pytest.mark.slow
+def test_presses_lie_on_an_array_of_one_row():
+    parameters = dataclasses.replace(
+        fastmodel.load("wts-0614-34"), array=TexelArray.grid(1, 4, 4e-3), surface=None, tables={}
+    )
+    made = make_presses(SENSOR.layered_cover, parameters, (1.0, 1.1), lambda _: None)
+    places = np.array([press.scene.case.pose.at for press in made.presses])
+    assert (np.abs(places) < [8e-3, 2e-3]).all()
+    assert len(np.unique(places, axis=0)) == 4
 
 
 def test_shear_that_no_texel_measures_is_absent_and_never_zero(texts):
