@@ -122,6 +122,9 @@ FAULTS = {
     "an instant": ("contacts", f"{HEADER},instant\n{CASE},0,0,0,0,0,1,3", "instant from 0 to 0"),
     "a curved cover": ("contacts", f"{HEADER}\ncurved-000,0,0,0,0,0,1", "give its forces by texel"),
     "no JSON": ("taxels", "[1, ", "is no JSON"),
+    "decimal commas": ("contacts", f"{HEADER}\n{CASE},0,5,0,0,0,0,1", ":2 has more entries than the header"),
+    "a case twice": ("taxels", f'{{"{CASE}": [[1.0]], "{CASE}": [[2.0]]}}', "a case is listed twice"),
+    "no end of brackets": ("taxels", "[" * 100_000, "is no JSON"),
     "no object": ("taxels", "[1]", "must be an object"),
     "another shape": ("taxels", json.dumps({CASE: [[1.0]]}), "forces must be finite numbers of shape"),
     "ragged": ("taxels", json.dumps({CASE: [[1.0], [1.0, 2.0]]}), "forces must be finite numbers of shape"),
@@ -144,7 +147,8 @@ def test_a_fault_of_a_report_is_named_with_its_place(tmp_path, fault):
 def test_bad_input_is_one_line_and_the_exit_status_two(tmp_path, monkeypatch, capsys):
     (tmp_path / "header").write_text(HEADER)
     (tmp_path / "bytes").write_bytes(b"\xff\xfe")
-    for name in ("header", "bytes", "missing"):
+    (tmp_path / "quote").write_text(f'{HEADER}\n"{"a" * 200_000}')
+    for name in ("header", "bytes", "quote", "missing"):
         status, said = run_converter(monkeypatch, capsys, tmp_path / name, "contacts")
         assert (status, said.err.count("\n"), said.out) == (2, 1, ""), name
         assert name in said.err

@@ -8,7 +8,8 @@ columns case,x,y,z,fx,fy,fz and perhaps instant: points [m] and forces on the co
 row per contact.  Each force goes to the texel below its point, flat arrays only; a case without contacts has one row of
 zeros.  `taxels` (Isaac Lab: `tactile_normal_force` of its TacSL sensor, or a force matrix; FlexiTac) is JSON, an object
 from the name of a case to its forces: [row][column], with a motion [instant][row][column], row 0 at the smallest y;
-each a normal force, positive under pressure, or the three components of the force on the texel [N].
+each a normal force, positive under pressure, or the three components of the force on the texel [N].  Isaac Lab lists
+its points along the mesh's second axis fastest: transpose forces of a mesh whose axes are x and y of the array.
 
 These forms are documented here; no file of these programs was at hand when this reader was written.
 """
@@ -21,11 +22,13 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from bodies import FloatArray, sum_on_texels
 
 from tactilebench import BenchError, Case, cases
+from tactilebench.__main__ import show
 
 COLUMNS = ("case", "x", "y", "z", "fx", "fy", "fz")
 
@@ -42,6 +45,8 @@ def read_contacts(path: Path, known: dict[str, Case]) -> dict[str, FloatArray]:
     found: dict[str, FloatArray] = {}
     for row in rows:
         place = f"{path}:{rows.line_num}"
+        if None in row:
+            raise BenchError(f"{place} has more entries than the header; write decimals with a point, not a comma")
         case = find_case(place, row["case"], known)
         if case.cover.geometry:
             raise BenchError(f"{place}: {case.name} has a curved cover; give its forces by texel, with `taxels`")
@@ -63,9 +68,9 @@ def read_taxels(path: Path, known: dict[str, Case]) -> dict[str, FloatArray]:
         BenchError: If the file is no JSON object, a case is unknown, or its forces have another shape or no numbers.
     """
     try:
-        read = json.loads(path.read_text(encoding="utf-8-sig"))
-    except ValueError as error:
-        raise BenchError(f"{path}: is no JSON: {error}") from None
+        read = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=collect)
+    except (ValueError, RecursionError) as error:
+        raise BenchError(f"{path}: is no JSON of forces: {error}") from None
     if not isinstance(read, dict):
         raise BenchError(f"{path}: must be an object from names of cases to forces, not {type(read).__name__}")
     found = {}
@@ -81,6 +86,14 @@ def read_taxels(path: Path, known: dict[str, Case]) -> dict[str, FloatArray]:
         if forces.shape != shape:
             forces = -np.einsum("...nc,nc->...n", forces.reshape(*case.shape, 3), case.normals)
         found[name] = forces.reshape(len(case.loads), -1)
+    return found
+
+
+def collect(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the entries of a JSON object; raise a ValueError if one is listed twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a case is listed twice; keep one of its entries")
     return found
 
 
@@ -116,12 +129,11 @@ def main() -> int:
         forces = READERS[given.form](given.file, known)
         if not forces:
             raise BenchError(f"{given.file}: holds no case; see the form in the first lines of this script")  # noqa: TRY301
-    except (BenchError, OSError, UnicodeDecodeError) as error:
+    except (BenchError, OSError, UnicodeDecodeError, csv.Error) as error:
         text = f"{given.file}: cannot be read: {error}" if not isinstance(error, BenchError) else error
         print(f"convert.py: {text}", file=sys.stderr)
         return 2
-    print("\n".join(write(forces, next(iter(known.values())).version)))
-    return 0
+    return show("\n".join(write(forces, next(iter(known.values())).version)))
 
 
 if __name__ == "__main__":

@@ -38,6 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BenchError as error:
         print(f"tactilebench: {error}", file=sys.stderr)
         return 2
+    return show(text)
+
+
+def show(text: str) -> int:
+    """Print a text, and return the exit status: 2 after a line about an output that cannot be written, else 0."""
     try:
         print(text, flush=True)
     except OSError as error:
