@@ -101,8 +101,8 @@ class SensorDescription:
         """
         return self.require_layers(
             f"{self.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, "
-            "`press` and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that "
-            "`derive --out` writes"
+            "`press` and `validate` can; `export --format mjcf`, `view`, `datasheet` and `emulate` take the folder "
+            "that `derive --out` writes"
         )
 
     def require_layers(self, fault: str) -> Cover:

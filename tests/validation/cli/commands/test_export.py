@@ -107,6 +107,7 @@ def test_an_array_converted_to_mjcf_and_back_keeps_every_texel(softcover, sensor
         ("wts-0614-34 --format mjcf --load 1N:5N", "--load: mjcf holds no scored value"),
         ("wts-0614-34 --format gazbo", "gazebo"),
         ("fingertip --format drake", "curved cover"),
+        ("fingertip --format drake", "`export --format mjcf`"),
         ("derived --format drake", "no description of the cover"),
     ],
 )
