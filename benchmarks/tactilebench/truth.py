@@ -130,6 +130,9 @@ class Build:
         version_: Version of the benchmark.
         seed: Seed of fresh cases; None for those of the release.
         out: File of the truth.
+
+    Raises:
+        BenchError: If the file holds no truth, or that of another seed, or its folder does not exist.
     """
 
     def __init__(self, version_: str, seed: int | None, out: Path) -> None:
@@ -142,6 +145,10 @@ class Build:
         self.left_out: dict[str, str] = {}
         if out.exists():
             self.solved = {case.name: case for case in load_truth(out)}
+        if strange := sorted(self.solved.keys() - self.drawn.keys()):
+            raise BenchError(f"--out: {out} holds {strange[0]}, a case of another seed; name another file")
+        if not out.parent.is_dir():
+            raise BenchError(f"--out: {out.parent} is no folder; make it first")
         if self.left_out_file.exists():
             self.left_out = json.loads(self.left_out_file.read_text())
 
@@ -204,6 +211,8 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--anew", action="store_true", help="compute cases again that the file already holds")
     given = parser.parse_args()
+    if min(given.processes, 1 if given.cases is None else given.cases) < 1:
+        parser.error("--processes, --cases: must be 1 or more")
     usual = DATA / f"{given.version}.npz" if given.seed is None else Path(f"truth-{given.version}-s{given.seed}.npz")
     try:
         build = Build(given.version, given.seed, given.out or usual)

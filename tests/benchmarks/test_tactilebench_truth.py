@@ -8,7 +8,7 @@ import pytest
 from benchmarks.tactilebench import cases_as_softcover, truth
 from fem_reference import closed_form
 from meshes import Cover
-from tactilebench import cases
+from tactilebench import BenchError, cases
 from tactilebench.draw import TIERS, draw
 
 SHIPPED = {case.name: case for case in cases()}
@@ -72,3 +72,16 @@ def test_unknown_names_are_refused(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["truth.py", "--name", "nothing-000"])
     assert truth.main() == 2
     assert "nothing-000" in capsys.readouterr().err
+
+
+def test_a_place_that_cannot_hold_the_truth_is_refused_before_hours_of_work(tmp_path):
+    other = truth.Build("2026.1", 7, tmp_path / "other.npz")
+    name = next(iter(other.drawn))
+    shape = other.drawn[name].shape
+    other.add(name, [np.ones(shape), np.zeros(shape), np.zeros(shape[:-1]), np.zeros(shape[:-1])])
+    other.write()
+    assert list(truth.Build("2026.1", 7, tmp_path / "other.npz").solved) == [name]
+    with pytest.raises(BenchError, match=f"{name}, a case of another seed"):
+        truth.Build("2026.1", 8, tmp_path / "other.npz")
+    with pytest.raises(BenchError, match="is no folder"):
+        truth.Build("2026.1", 8, tmp_path / "none" / "truth.npz")

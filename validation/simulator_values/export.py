@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -45,7 +46,7 @@ def export_values(
     _ = sensor.layered_cover  # refuses a curved cover
     tell = progress or (lambda _: None)
     name = make_file_name(sensor.array.name, suffix=TARGETS[form].suffix)
-    words = [sensor.source.removeprefix("built-in "), f"--format {form}", *changes]
+    words = [shlex.quote(sensor.source.removeprefix("built-in ")), f"--format {form}", *changes]
     with new_folder(out) as folder:
         parameters = find_parameters(sensor, tell)
         scores = score_target(

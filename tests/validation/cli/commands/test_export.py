@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import shlex
 from pathlib import Path
 
 import mujoco
@@ -137,3 +138,11 @@ def test_a_scored_value_is_written_with_the_command_that_gives_it_again(softcove
     assert written["cover"]["thickness_m"] == 1.5e-3
     status, out, _ = softcover(*command[1:], "--out", "again", "--json")
     assert json.loads(out)["scores"] == printed["scores"]
+
+
+@pytest.mark.slow
+def test_the_written_command_holds_a_path_with_blanks_as_one_word(softcover):
+    assert softcover("init", "--out", "my sensor.toml")[0] == 0
+    words = ("export", "my sensor.toml", "--format", "lerobot", "--load", "1N:2N")
+    assert softcover(*words, "--out", "out")[0] == 0
+    assert shlex.split(json.loads(Path("out/scored.json").read_text())["command"]) == ["softcover", *words]
