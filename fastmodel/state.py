@@ -72,8 +72,9 @@ def unpack(state: Mapping[str, npt.NDArray[Any]], name: str, types: Iterable[typ
         if kind is None:
             raise FastModelError(f"state: {name!r} is of type {state[f'{name}/{_TYPE}']}, not one of {sorted(known)}")
         fields = kind._fields if hasattr(kind, "_fields") else [each.name for each in dataclasses.fields(kind)]
+        found = {field: unpack(state, f"{name}/{field}", types) for field in fields}
         try:
-            return kind(**{field: unpack(state, f"{name}/{field}", types) for field in fields})
+            return kind(**{**found, **_find_defaults(kind, [field for field in fields if found[field] is None])})
         except (TypeError, ValueError, AttributeError) as error:
             raise FastModelError(f"state: {name!r} is not a {kind.__name__}: {error}") from error
     if f"{name}/{_LENGTH}" in state:
@@ -82,6 +83,15 @@ def unpack(state: Mapping[str, npt.NDArray[Any]], name: str, types: Iterable[typ
         return None
     array = np.array(state[name])
     return array if array.ndim else array.item()
+
+
+def _find_defaults(kind: type, missing: Iterable[str]) -> dict[str, Any]:
+    """Return the defaults of missing fields that have one: a state stored before a field was added lacks it."""
+    known = getattr(kind, "_field_defaults", None)
+    if known is None:
+        fields = dataclasses.fields(kind)
+        known = {each.name: each.default for each in fields if each.default is not dataclasses.MISSING}
+    return {field: known[field] for field in missing if field in known}
 
 
 def take_array(

@@ -105,6 +105,17 @@ def test_after_going_back_the_next_frames_are_the_same(method, array, after, tmp
     assert_equal(run(model, data, sensors, 300), first)
 
 
+def test_a_state_without_fields_that_came_later_takes_their_defaults():
+    model, data, (sensor,) = scene("cover")
+    run(model, data, [sensor], 30)
+    whole = sensor.get_state()
+    later = {name for name in whole if name.endswith(("/at_end", "/tangential_source"))}
+    assert "reading/at_end" in later
+    sensor.set_state({name: array for name, array in whole.items() if name not in later})
+    assert later <= sensor.get_state().keys()
+    assert len(run(model, data, [sensor], 100)) > 10
+
+
 @pytest.mark.parametrize(
     "duplicate",
     [copy.deepcopy, pytest.param(lambda each: pickle.loads(pickle.dumps(each)), marks=pytest.mark.slow)],  # noqa: S301
