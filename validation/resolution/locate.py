@@ -193,7 +193,8 @@ class Locator:
             time: Time of the frame [s].
         """
         low, high = (each[0] for each in reading)
-        level = np.where(np.isfinite(low), np.where(np.isposinf(high), low, (low + high) / 2), 0.0)
+        known = np.isfinite(low)
+        level = np.where(known, (low + np.where(known & np.isfinite(high), high, low)) / 2, 0.0)
         if level.min() < -_NEGATIVE * self.channel.spread:
             return LocatedFrame(time=time, words=("negative forces",))
         if level.max() < max(_REST * self.channel.spread, 0.0):

@@ -14,9 +14,10 @@ from validation.errors import InputError
 from validation.render.figure import OUTLINE
 from validation.resolution.channel import Channel, make_channel
 from validation.resolution.chart import make_chart
+from validation.resolution.frames import Frames
 from validation.resolution.kernel import fit_touches, share_points
 from validation.resolution.limits import Study
-from validation.resolution.locate import Locator, make_locator
+from validation.resolution.locate import Locator, locate_frames, make_locator
 from validation.resolution.touches import find_touches
 
 WTS = validation.load("wts-0614-34")
@@ -335,3 +336,16 @@ def test_few_lit_texels_that_no_touch_explains_and_counts_of_another_sensor_are_
     assert any("not explained" in each for each in sensor.locate(counts, noise="5 mN").frames[0].words)
     with pytest.raises(InputError, match="counts up to 60000, but those of wts-0614-34 end at"):
         sensor.locate(np.where(counts == 1000, 60000, counts))
+
+
+def test_a_texel_that_was_switched_off_tells_nothing(touches):
+    forces, off = press(touches, (0.5e-3, 0.3e-3), 2.0)[0], MIDDLE + 1
+    values = np.array([forces, forces, forces])
+    values[1:, off] = 0.0, 5.0
+    measured = np.arange(WTS.array.count) != off
+    frames = Frames(values=values, times=np.arange(3.0), forces=True, measured=measured)
+    first, *others = locate_frames(WTS, frames, noise=NOISE, radii=(0.0, 0.0)).frames
+    (touch,) = first.touches
+    assert touch.x.low < touches.origins[MIDDLE, 0] + 0.5e-3 < touch.x.high
+    for other in others:
+        assert dataclasses.replace(other, time=0.0) == first
