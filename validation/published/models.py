@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshes import Cover, Pose, TexelArray
 from meshes.array_types import FloatArray
@@ -216,17 +217,23 @@ def prepare_models(
     return ComparisonModels(rows=tuple(rows), response=response)
 
 
+def place_on(array: TexelArray, place: npt.ArrayLike) -> tuple[float, float]:
+    """Return x and y of a place that is given from the middle of an array in pitches [m]."""
+    x, y = np.round(array.centres[:, :2].mean(axis=0), 9) + np.multiply(place, array.pitch)
+    return float(x), float(y)
+
+
 def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
     """Return the calibration presses whose indenter is in none of the cases.
 
     Args:
-        array: The array, whose pitch places the presses.
+        array: The array, whose middle and pitch place the presses.
         cases: The cases that are scored.
     """
     chosen = []
-    for name, shape, load, (x, y) in _PRESSES:
+    for name, shape, load, place in _PRESSES:
         case = Case.read(name, shape, load)
-        at = (x * array.pitch[0], y * array.pitch[1])
+        at = place_on(array, place)
         if all(case.indenter != scored.indenter for scored in cases):
             chosen.append(Case(name=name, indenter=case.indenter, shape=shape, load=case.load, pose=Pose.planar(at=at)))
     return chosen

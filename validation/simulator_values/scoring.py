@@ -19,7 +19,7 @@ from validation.campaign.case import Case
 from validation.derivation.contact_range import DEEP, bear
 from validation.errors import InputError
 from validation.published.model import Values
-from validation.published.models import CalibrationPress, choose_calibration, fit_model, list_errors
+from validation.published.models import CalibrationPress, choose_calibration, fit_model, list_errors, place_on
 from validation.published.scene import make_scene
 from validation.results import Number, Result, result_model
 from validation.simulator_values.models import Candidate
@@ -144,10 +144,10 @@ def make_presses(
     response = tabulate_texel_response(cover, array.texel_size)
     low, high = loads or find_loads(parameters, response)
     small = Case.read("small ball", _SMALL_BALL, "1 N")
-    at = (_PLACE[0] * array.pitch[0], _PLACE[1] * array.pitch[1])
-    bodies = [replace(small, pose=Pose.planar(at=at)), *choose_calibration(array, ())]
-    edge = np.array(array.pitch) * (np.array([array.columns, array.rows]) / 2 - _INSIDE)
-    bodies = [replace(each, pose=Pose.planar(at=np.clip(each.pose.at, -edge, edge).tolist())) for each in bodies]
+    bodies = [replace(small, pose=Pose.planar(at=place_on(array, _PLACE))), *choose_calibration(array, ())]
+    half = np.array([array.columns, array.rows]) / 2 - _INSIDE
+    low_end, high_end = place_on(array, -half), place_on(array, half)
+    bodies = [replace(each, pose=Pose.planar(at=np.clip(each.pose.at, low_end, high_end).tolist())) for each in bodies]
     borne = [bear(cover, body.indenter) for body in bodies]
     if sum(most >= high for most in borne) < 2:  # noqa: PLR2004 -- a fit needs two shapes
         raise InputError(

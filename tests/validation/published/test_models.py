@@ -151,6 +151,9 @@ def test_calibration_presses_are_placed_by_the_pitch_and_never_scored():
     ]  # fmt: skip
     places = [each.pose.at for each in found]
     np.testing.assert_allclose(places, [(0.7e-3, 0.45e-3), (-0.6e-3, 1.2e-3), (-1.8e-3, -4.8e-3)])
+    moved = dataclasses.replace(array, centres=np.add(array.centres, [30e-3, -50e-3, 0.0]))
+    aside = [each.pose.at for each in choose_calibration(moved, ())]
+    np.testing.assert_allclose(np.subtract(aside, places), [(30e-3, -50e-3)] * 3)
     scored = Case.read("x", "cylinder:radius=3.5mm", "9 N", at="1mm,1mm")
     assert [each.shape for each in choose_calibration(array, (scored,))] == ["sphere:radius=6mm", "sphere:radius=10mm"]
 

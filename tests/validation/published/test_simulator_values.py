@@ -256,12 +256,12 @@ def test_loads_that_settle_no_modulus_are_refused(scene, load):
 
 
 @pytest.mark.slow
-def test_presses_lie_on_an_array_of_one_row():
-    parameters = dataclasses.replace(
-        fastmodel.load("wts-0614-34"), array=TexelArray.grid(1, 4, 4e-3), surface=None, tables={}
-    )
+def test_presses_lie_on_an_array_of_one_row_wherever_its_origin_is():
+    middle, array = np.array([30e-3, -50e-3, 0.0]), TexelArray.grid(1, 4, 4e-3)
+    array = dataclasses.replace(array, centres=array.centres + middle)
+    parameters = dataclasses.replace(fastmodel.load("wts-0614-34"), array=array, surface=None, tables={})
     made = make_presses(SENSOR.layered_cover, parameters, (1.0, 1.1), lambda _: None)
-    places = np.array([press.scene.case.pose.at for press in made.presses])
+    places = np.array([press.scene.case.pose.at for press in made.presses]) - middle[:2]
     assert (np.abs(places) < [8e-3, 2e-3]).all()
     assert len(np.unique(places, axis=0)) == 4
 
