@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.errors import PathConvergenceError
+from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import DEEP, press_axisymmetric
 from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
 from fem_reference.finite_strain.contact_problem import OVERLAP, SolvedPath
@@ -306,6 +306,9 @@ def _find_depths(
         path: As for `correct_path`, with target loads.
         accurate: As for `correct_path`.
         solve: As for `correct_path`.
+
+    Raises:
+        ConvergenceError: If the cover does not bear a load at the depth that is found for it.
     """
     limits = [_find_limit(path, grids) for grids in accurate]
     shares = [limit.depth / path.cover.thickness for limit in limits]
@@ -325,6 +328,8 @@ def _find_depths(
         if max(abs(factor - 1) for factor in factors) < _CLOSE:
             break
         depths = [factor * depth for factor, depth in zip(factors, depths, strict=True)]
+    for grids, target in zip(found, path.targets, strict=True):
+        _check_settled(grids[-1], target)
     return [
         [_carry(grid, target, _approach(grid, target, small)) for grid in grids]
         for grids, target, small in zip(found, path.targets, stiffness, strict=True)
@@ -342,6 +347,14 @@ def _approach(solution: GridSolution, load: float, stiffness: float) -> float:
     linear = stiffness * solution.depth
     excess = solution.total_force / linear - 1
     return 2 * load / linear / (1 + float(np.sqrt(max(1 + 4 * excess * load / linear, 0.0))))
+
+
+def _check_settled(solution: GridSolution, load: float) -> None:
+    """Raise a ConvergenceError if the force at the last depth is not close to the load [N]."""
+    force = solution.total_force
+    if abs(force - load) > _SETTLED * load:
+        where = f"it bears {force:.4g} N at {1e3 * solution.depth:.3g} mm"
+        raise ConvergenceError(f"no depth was found at which the cover bears {load:.4g} N; {where}")
 
 
 def _carry(solution: GridSolution, load: float, factor: float) -> GridSolution:
@@ -418,7 +431,9 @@ def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -
 #: 0.6 under disks of one thickness radius on covers of Poisson ratio 0.4.
 _STIFFENING = 0.5
 #: Difference of the last two depths under a load, over the depth, that ends their iteration, and most solutions [-].
-_CLOSE, _MOST_PASSES = 0.01, 4
+_CLOSE, _MOST_PASSES = 0.01, 6
+#: Largest difference between the force at the last depth and the load, over the load, that the local law bridges [-].
+_SETTLED = 0.03
 #: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
 #: are solved.  The result is that of the finest of the three, with an error estimate from all three.
 GRIDS = (6, 9, 13, 19, 28)

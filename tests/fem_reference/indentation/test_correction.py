@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.block_path import NodalBase
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import finite_strain
@@ -58,6 +59,41 @@ def test_every_target_is_corrected_in_proportion_to_its_depth(depths):
             for found in grids:
                 assert found.depth == pytest.approx(depth)
                 assert found.total_force == pytest.approx(STIFFNESS * depth * (1 + STIFFENING * depth))
+
+
+def correct_loads(law, *loads):
+    """Depths of loads on a cover whose force is the small-strain one times a law of the depth over the thickness."""
+    cover = make_cover(0.45)
+
+    def solve_by(path, approaches):
+        baseline, _ = solve(path, approaches)
+        factors = [law(d / cover.thickness) for d in approaches]
+        return baseline, [
+            [replace(each, total_force=factor * each.total_force) for each in grids]
+            for factor, grids in zip(factors, baseline, strict=True)
+        ]
+
+    path = LoadingPath(cover=cover, indenter=FACE, targets=loads, control="load")
+    found = correct_path(path, [make_grids(load / STIFFNESS) for load in loads], solve_by)
+    for load, grids in zip(loads, found, strict=True):
+        assert grids[-1].total_force == pytest.approx(load)
+    return [grids[-1].depth / cover.thickness for grids in found]
+
+
+@pytest.mark.parametrize(
+    "law", [lambda s: 1 + s / 2, lambda s: 1 - s / 2, lambda s: 1 + 4 * s**2, lambda s: np.exp(4 * s), lambda s: 1.0]
+)
+def test_the_cover_bears_each_load_of_a_flat_face_at_the_depth_that_is_found(law):
+    loads = (1e-6, 0.8, 6.0)  # the last two at 0.04 and 0.3 of the thickness at small strain
+    for load, share in zip(loads, correct_loads(law, *loads), strict=True):
+        assert STIFFNESS * 2e-3 * share * law(share) == pytest.approx(load, rel=5e-3)
+
+
+def test_loads_that_the_cover_bears_at_no_depth_are_refused():
+    """The law has its peak of 5 N at half the thickness."""
+    assert correct_loads(lambda s: 1 - s, 4.5) == pytest.approx([0.3419], abs=2e-3)
+    with pytest.raises(ConvergenceError, match="no depth was found at which the cover bears 6 N; it bears"):
+        correct_loads(lambda s: 1 - s, 6.0)
 
 
 def record_targets(shape, *targets, friction=0.0):
