@@ -195,7 +195,7 @@ class Bench:
     def __init__(
         self, parameters: Parameters, placements: Sequence[Placement], *, contact: str | TexelContact = DEFAULT
     ) -> None:
-        """Compile the model.
+        """Compile the model, with a cover that goes on beyond the array as far as the placements need.
 
         MuJoCo computes a higher stiffness of contacts for indenters at the origin of the array than for all others.
         """

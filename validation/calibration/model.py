@@ -267,7 +267,12 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMe
 
     @lru_cache(maxsize=_BENCHES)
     def make_bench(indenter: Indenter, load: float) -> Bench:
-        away = fastmodel.Placement(indenter=indenter, load=load, at=parameters.array.pitch)
+        # So far away that the cover of the bench goes on under the indenter wherever it presses on a texel.
+        far = (
+            np.ptp(parameters.array.centres[:, :2], axis=0) / 2 + parameters.array.pitch + np.hypot(*indenter.footprint)
+        )
+        at = (parameters.array.centres[:, :2].mean(axis=0) + far).tolist()
+        away = fastmodel.Placement(indenter=indenter, load=load, at=at)
         return Bench(parameters, [away], contact=method)
 
     def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:

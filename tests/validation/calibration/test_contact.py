@@ -70,3 +70,11 @@ def test_the_fast_model_is_asked_at_the_pose_and_reads_nothing_beside_the_array(
     cover = make_fast_method(fastmodel.load("wts-0614-34"))
     assert (cover.name, cover.gain_error) == ("fast model, cover", 0.033)
     assert make_fast_method(fastmodel.load("wts-0614-34"), "boxes").gain_error == 0.34
+
+
+@pytest.mark.parametrize("pose", [Pose(0.01, 0.02, 0.6), Pose(-0.012, -0.025, 0.3), Pose(0.0, 0.0)])
+def test_the_cover_goes_on_under_an_indenter_at_the_edge_as_in_a_single_press(pose):
+    parameters, face = fastmodel.load("wts-0614-34"), Box(size=(20e-3, 20e-3, 5e-3))
+    found = make_fast_method(parameters, "cover").solve(face, 5.0, pose)
+    alone = fastmodel.indent(parameters, face, load=5.0, at=(pose.x, pose.y), yaw=pose.yaw, contact="cover")
+    np.testing.assert_allclose(found, alone.texel_forces, atol=1e-6)
