@@ -9,6 +9,8 @@ import pytest
 
 from fem_reference import IncompletePathError, press, press_path
 from fem_reference.closed_form import indent
+from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
+from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import finite_strain
 from meshes import Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
@@ -94,6 +96,22 @@ def test_a_load_and_its_depth_belong_together_deep_in_the_cover(ratio, radius, s
     allowed = by_depth.error_estimate["total_force"] + by_load.error_estimate["depth"]
     assert by_load.depth == pytest.approx(by_depth.depth, rel=allowed)
     assert allowed < 0.03
+
+
+@pytest.mark.slow
+def test_a_rounded_disk_deep_in_rubber_carries_what_another_package_finds():
+    """FElupe's force, 20.447 N, is printed by `benchmarks/disk_felupe.py`."""
+    cover, face = make_cover(0.4, thickness=1.297e-3), Cylinder(radius=1.696e-3)
+    path = LoadingPath(cover=cover, indenter=face, targets=(0.36 * 1.297e-3,), control="depth")
+    (found,), _ = press_axisymmetric(
+        path,
+        elements_per_thickness=13,
+        contact_radius=face.radius,
+        fillet=0.0934e-3,
+        reach=15e-3,
+        approach=0.36 * 1.297e-3,
+    )
+    assert 2.423 * found.total_force == pytest.approx(20.447, rel=5e-4)  # the cover has 1 MPa, FElupe's 2.423 MPa
 
 
 @pytest.mark.slow
