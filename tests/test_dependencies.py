@@ -29,7 +29,7 @@ TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-
 BENCHMARKS_ONLY = {
     *("felupe", "netgen", "ngsolve", "coverage"),
     *("stable_baselines3", "robosuite", "dm_control", "shimmy"),
-    *("mujoco_warp", "warp", "torch", "pydrake"),
+    *("mujoco_warp", "warp", "torch", "pydrake", "genesis"),
 }
 
 

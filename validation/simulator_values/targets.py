@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 #: Points of the pressure law, and spacing of the table of the spread over the smaller pitch [-].
 _LAW_POINTS, _SPREAD_STEP = 17, 1 / 16
+#: Radius of Genesis' probes [m]: their depth counts from the radius, whose default is 10 mm.
+_PROBE_RADIUS = 1e-9
 #: Reach of the table of the spread beyond a texel, over the thickness [-].
 _SPREAD_REACH = 6.0
 #: Poisson ratio from which the oedometric modulus is more than six times Young's [-].
@@ -296,8 +298,8 @@ def Cube "cover" (
     uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
     bool newton:hydroelasticEnabled = true
     float newton:hydroelasticStiffness = {scores.values["modulus"] / height:.6g}
-    float newton:sdfNarrowBandInner = {-height:.6g}
-    float newton:sdfNarrowBandOuter = {height:.6g}
+    uniform float newton:sdfNarrowBandInner = {-height:.6g}
+    uniform float newton:sdfNarrowBandOuter = {height:.6g}
     custom double2[] softcover:pressureLaw = [{law}]
 }}
 """
@@ -311,6 +313,7 @@ def _write_genesis(scores: Scores, sensor: SensorDescription, parameters: Parame
     fine = divide(parameters.array, POINTS_PER_TEXEL)
     options = {
         "probe_local_pos": fine.centres.reshape(fine.rows, fine.columns, 3),
+        "probe_radius": _PROBE_RADIUS,
         "normal_stiffness": scores.values["stiffness"],
         "normal_exponent": scores.values["exponent"],
         "normal_damping": 0.0,
@@ -415,24 +418,30 @@ TARGETS = {
     ),
     "newton": Target(
         suffix=".usda", laws=list_hydroelastic, write=_write_usda,
-        form="newton-physics/newton, NewtonSDFCollisionAPI (pull requests 2533, 2705); not run here, not verified",
-        notes=(_SPREAD, _EDGE),
+        form="the USD importer of newton 1.8.0 reads size, kh and narrow band; contact was not run: finalize refuses "
+        "hydroelastic shapes without CUDA",
+        notes=(_SPREAD, "Depth counts from the nearest face: beyond half the thickness the law ends.", _EDGE),
     ),
     "genesis": Target(
         suffix=".json", laws=list_taxels, write=_write_genesis,
-        form="genesis/options/sensors/tactile.py of the copy xjr01/genesis-world, commit 2b2a890; not run here, not "
-        "verified",
-        notes=_KINEMATIC,
+        form="genesis/options/sensors/tactile.py of genesis-world 1.4.5, whose sensor runs on the CPU",
+        notes=(
+            *_KINEMATIC,
+            "`read` holds the kernel, `read_ground_truth` does not; pressure gives negative z.",
+            "Keep the depth query `sdf`: `raycast` finds no face beyond the probe's radius.",
+            "It feels bodies that the rigid solver finds in contact, all of them at `contact_pruning_tolerance=None`.",
+        ),
     ),
     "isaac": Target(
         suffix=".json", laws=list_penalty, write=_write_isaac,
-        form="isaac-sim/IsaacLab, tacsl_sensor/visuotactile_sensor.py, commit 0658602; the same stiffness is kn of "
-        "FlexiTac; not run here, not verified",
+        form="isaaclab_contrib/sensors/tacsl_sensor/visuotactile_sensor.py of isaaclab 2.3.2.post1, read but not run; "
+        "the same stiffness is kn of FlexiTac",
         notes=(
             *_KINEMATIC,
             "The sensor has no kernel: convolve its normal forces with `kernel_behind`.",
             "The margin is for an elastomer mesh of `elastomer_size_m` along the x and y of the array.",
             "Points and kernel run along y fastest: transpose them to get texels row by row.",
+            "The sensor puts the points of a flat box on the side of its smallest z: turn that side to the bodies.",
         ),
     ),
     "lerobot": Target(

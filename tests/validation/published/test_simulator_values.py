@@ -229,6 +229,33 @@ def test_kinematic_sensors_get_points_stiffness_and_kernel(texts):
     assert isaac["elastomer_size_m"] == pytest.approx([6 * 3.4e-3, 14 * 3.4e-3])
 
 
+#: Attributes of NewtonSDFCollisionAPI by type, from generatedSchema.usda of newton-usd-schemas 0.6.0.
+NEWTON = {
+    "hydroelasticEnabled": "bool",
+    "hydroelasticStiffness": "float",
+    **{f"sdf{name}": "uniform float" for name in ("TargetVoxelSize", "NarrowBandInner", "NarrowBandOuter", "Padding")},
+    "sdfMaxResolution": "uniform int",
+    "sdfTextureFormat": "uniform token",
+}
+#: Fields that forces depend on, from KinematicTaxel of genesis-world 1.4.5, whose probe_radius of 10 mm adds to the
+#: depth and whose last three are 1 unless given, and from VisuoTactileSensorCfg of isaaclab 2.3.2.post1.
+GENESIS = {
+    *("probe_local_pos", "probe_radius", "normal_stiffness", "normal_exponent", "crosstalk_kernel"),
+    *("normal_damping", "shear_scalar", "twist_scalar"),
+}
+ISAAC = {"tactile_array_size", "tactile_margin", "normal_contact_stiffness"}
+
+
+def test_fields_are_those_of_the_released_simulators(texts):
+    written = re.findall(r"^ +((?:uniform )?\w+) newton:(\w+) = ", texts["newton"], re.MULTILINE)
+    assert len(written) == 4
+    assert all(NEWTON[name] == kind for kind, name in written)
+    genesis, isaac = (json.loads(texts[form])["options"] for form in ("genesis", "isaac"))
+    assert set(genesis) == GENESIS
+    assert 0 < genesis["probe_radius"] < 1e-7  # its depth is that of the probe and this radius
+    assert set(isaac) == ISAAC
+
+
 def test_isaacs_equally_spaced_points_fit_no_array_of_two_pitches():
     array = TexelArray.grid(6, 4, (4e-3, 3e-3))
     parameters = dataclasses.replace(fastmodel.load("wts-0614-34"), array=array, surface=None, tables={})
