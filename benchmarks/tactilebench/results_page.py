@@ -33,8 +33,15 @@ MIDDLE = """
   most of what the rows without spread misplace.
 - The truth and the fast model come from one project, but share no solver. The parameters of the fast model come
   from finite elements of each cover, ten seconds a case, and from its store later, as in the times below.
-- Genesis, Isaac Lab, Newton and FlexiTac do not run here. `adapters/convert.py` reads their contacts or taxel
-  forces, in the form that its first lines state.
+- Genesis feels the depths of points in its rigid shapes, which sink until the points bear the load. The law of the
+  fitted row is what `softcover export wts-0614-34 --format genesis` fits, in units of E and h: to no scored case.
+  A case whose points never bear its load scores without force, such as a bar between the points.
+- Newton 1.8.0 does not run on a CPU: `ModelBuilder.finalize` (`_src/sim/builder.py`, line 15481) refuses
+  hydroelastic shapes without CUDA. With this check removed, textures build, but the kernel
+  `count_iso_voxel_children` (`_src/geometry/sdf_hydroelastic.py`, line 1621) never ends: its stride is a block of
+  threads over 8, and a block has one thread on a CPU. Its importer reads the exported file as meant.
+- Isaac Lab 2.3.2 needs Isaac Sim; FlexiTac does not run here either. `adapters/convert.py` reads contacts or taxel
+  forces of all four, in the form that its first lines state.
 
 ## Commands
 

@@ -1,13 +1,13 @@
 """Press the cases in Genesis, and read its sensor KinematicTaxel.
 
-    python benchmarks/tactilebench/adapters/genesis_press.py --variant fitted --cases 30
-    python benchmarks/tactilebench/adapters/genesis_press.py --variant shipped --cases 30
+    python benchmarks/tactilebench/adapters/genesis_press.py --variant fitted
+    python benchmarks/tactilebench/adapters/genesis_press.py --variant shipped
 
 `fitted` has 4 x 4 points per texel, the force 3.9 E A (d / h)^1.04 of a point with the area A, which `softcover export
 wts-0614-34 --format genesis` fits to that sensor, and the kernel of the case's cover as crosstalk.  `shipped` has one
 point per texel and the sensor's own force 1000 N/m d, without crosstalk.  The body sinks until the points bear its
 load; the rigid solver of Genesis decides alone which bodies touch.  Runs on the CPU; needs
-`pip install genesis-world torch mujoco`, and a minute to compile before the first case, once.
+`pip install genesis-world torch mujoco scipy`, and compiles for minutes before the first case, once.
 """
 
 from __future__ import annotations
