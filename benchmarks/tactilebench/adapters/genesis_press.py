@@ -5,7 +5,8 @@
 
 `fitted` has 4 x 4 points per texel, the force 3.9 E A (d / h)^1.04 of a point with the area A, which `softcover export
 wts-0614-34 --format genesis` fits to that sensor, and the kernel of the case's cover as crosstalk.  `shipped` has one
-point per texel and the sensor's own force 1000 N/m d, without crosstalk.  The body sinks until the points bear its
+point per texel and the sensor's own force 1000 N/m d, without crosstalk.  The probes' radius is 1 nm in both, because
+the sensor adds it to the depth, not the default of 10 mm.  The body sinks until the points bear its
 load; the rigid solver of Genesis decides alone which bodies touch.  Runs on the CPU; needs
 `pip install genesis-world torch mujoco scipy`, and compiles for minutes before the first case, once.
 """
