@@ -1,7 +1,6 @@
 """Adapters of tactilebench: bodies and integrals by independent values, reports of other engines, files of scores."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -174,10 +173,7 @@ def test_the_page_holds_what_the_files_say():
 
 def run_adapter(folder, script, *options):
     command = [sys.executable, str(ADAPTERS / script), *options, "--out", str(folder)]
-    # As after `pip install benchmarks/tactilebench`, which tests need not have.
-    path = os.pathsep.join([str(ADAPTERS.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run(command, check=False, capture_output=True, text=True, env=environment)  # noqa: S603 -- ours
+    return subprocess.run(command, check=False, capture_output=True, text=True)  # noqa: S603 -- ours
 
 
 def compare_with_shipped(folder, name, *, rel):
