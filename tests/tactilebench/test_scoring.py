@@ -1,7 +1,9 @@
 """Scores of tactilebench: those of softcover, bounds by the truth's own error, and the rank of nulls and cheats."""
 
+import collections
 import itertools
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +13,9 @@ import pytest
 
 import tactilebench
 from meshes import TexelArray
+from tactilebench.draw import draw
 from tactilebench.scoring import SCORES
+from tactilebench.texel_metrics import check_load
 from tests.support.score_schema import check_scores
 from validation import metrics
 
@@ -163,3 +167,28 @@ def test_fresh_cases_are_other_cases_and_the_same_each_time():
         tactilebench.cases(seed=-1)
     with pytest.raises(tactilebench.BenchError, match=r"2031\.1"):
         tactilebench.cases("2031.1")
+
+
+def test_every_tier_has_the_cases_that_its_page_states():
+    counts = collections.Counter(case.tier for case in draw("2026.1", seed=5))
+    assert counts == {
+        "linear": 150, "layered": 84, "finite_strain": 42, "foil": 32, "friction": 42, "two_bodies": 42, "curved": 42,
+        "moving": 32,
+    }  # fmt: skip
+
+
+def test_the_interval_of_a_mean_overlap_is_that_of_the_cases_widened_by_what_the_floor_lacks_to_one():
+    """One case alone has no bootstrap: its overlap plus and minus one minus the floor, between 0 and 1."""
+    (case,) = [each for each in tactilebench.cases() if each.name == "linear-003"]
+    forces = np.roll(case.truth.forces, 1)
+    alone = tactilebench.score_case(case, forces)["scores"]["active_area_iou"]
+    mean = tactilebench.score({case.name: forces}, known=[case])["overall"]["active_area_iou"]
+    assert mean["value"] == alone["value"]
+    assert mean["low"] == pytest.approx(max(alone["value"] - (1 - alone["floor"]), 0.0))
+    assert mean["high"] == pytest.approx(min(alone["value"] + (1 - alone["floor"]), 1.0))
+
+
+@pytest.mark.parametrize("load", [0.0, -1.0, math.nan, math.inf])
+def test_a_load_that_is_not_positive_is_refused(load):
+    with pytest.raises(ValueError, match="the load must be positive"):
+        check_load(load)
