@@ -176,10 +176,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         with _interrupt_on_terminate():
             status = _run(list(sys.argv[1:] if arguments is None else arguments))
+        sys.stdout.flush()  # fails again after a full disk, before the end of the process would write what is left
     except BrokenPipeError:
         _drop_output()
         status = PIPE_CLOSED
-    except OSError:  # The disk behind standard error is full, so that no message can be written.
+    except OSError:  # The disk behind standard output or standard error is full.
         if os.environ.get("SOFTCOVER_TRACEBACK"):
             raise
         _drop_output()
