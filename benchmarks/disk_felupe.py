@@ -9,9 +9,8 @@ the force under two penalties and its extrapolation to a rigid contact: the erro
 
 from __future__ import annotations
 
-import felupe as fem
 import numpy as np
-from finite_strain_felupe import Ball, body_of, converged, held_of, solver
+from finite_strain_felupe import Ball, body_of, follow, held_of
 
 #: Lengths over the thickness [-], shear modulus [Pa] and thickness [m].
 RADIUS, FILLET, DEPTH, SHEAR, THICKNESS = 1.696 / 1.297, 0.0934 / 1.297, 0.36, 2.423e6 / 2.8, 1.297e-3
@@ -51,23 +50,13 @@ def press(penalty: float) -> float:
         size = min(1.25 * size, 0.8)
     task = {
         "shape": "ball", "fields": "two", "radius": radii[-1], "through": ELEMENTS, "across": len(radii) - 1,
-        "radii": radii, "bulk": 2.8 / (3 * 0.2), "penalty": penalty,
+        "radii": radii, "bulk": 2.8 / (3 * 0.2), "travels": np.linspace(0, DEPTH, STEPS + 1)[1:].tolist(),
+        "tolerance": 1e-8, "solver": "scipy",
     }  # fmt: skip
     field, body = body_of(task)
-    boundaries, disk, before = held_of(task, field[0]), Disk(field, 1.0, penalty), None
-    for step, depth in enumerate(np.linspace(0, DEPTH, STEPS + 1)[1:]):
-        disk.depth, disk.iteration = depth, 0
-        now = [values.values.copy() for values in field.fields]
-        if before is not None:
-            for values, old, new in zip(field.fields, before, now, strict=True):
-                values.values[:] = 2 * new - old
-        before = now if step else None
-        held, free = fem.dof.partition(field, boundaries)
-        found = fem.newtonraphson(
-            items=[body, disk], maxiter=60, x0=field, dof0=held, dof1=free, ext0=fem.dof.apply(field, boundaries, held),
-            check=converged(1e-8, disk), solver=solver("scipy"), verbose=0,
-        )  # fmt: skip
-        field.link(found.x)
+    disk = Disk(field, 1.0, penalty)
+    for _ in follow(task, field, body, held_of(task, field[0]), disk):
+        pass
     return float(disk.total) * SHEAR * THICKNESS**2
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Iterator
 
 import felupe as fem
 import numpy as np
@@ -155,37 +156,45 @@ def converged(tolerance: float, ball: Ball | None):  # noqa: ANN201 -- felupe ca
     return check
 
 
-def run(task: dict) -> tuple[list[float], int, int]:
-    """Forces at every travel, unknowns and iterations."""
-    field, body = body_of(task)
-    boundaries = held_of(task, field[0])
-    moved = boundaries.get("plate")
-    ball = None if moved else Ball(field, task["ball"], task["penalty"])
-    iterations, forces, before = 0, [], None
-    for travel in task["travels"]:
-        if moved:
-            moved.value = -travel
+def follow(
+    task: dict, field: fem.FieldContainer, body: fem.SolidBody, boundaries: dict[str, fem.Boundary], ball: Ball | None
+) -> Iterator[object]:
+    """Solve every travel of the plate, or of a ball with the last step as a guess, and yield Newton's result."""
+    before = None
+    for number, travel in enumerate(task["travels"]):
+        if ball is None:
+            boundaries["plate"].value = -travel
         else:
             ball.depth, ball.iteration = travel, 0
             now = [values.values.copy() for values in field.fields]
             if before is not None:
                 for values, old, new in zip(field.fields, before, now, strict=True):
                     values.values[:] = 2 * new - old
-            before = now if forces else None
+            before = now if number else None
         held, free = fem.dof.partition(field, boundaries)
-        wanted = fem.dof.apply(field, boundaries, held)
         found = fem.newtonraphson(
-            items=[body] if moved else [body, ball],
+            items=[body] if ball is None else [body, ball],
             maxiter=40,
             x0=field,
             dof0=held,
             dof1=free,
-            ext0=wanted,
+            ext0=fem.dof.apply(field, boundaries, held),
             check=converged(task["tolerance"], ball),
             solver=solver(task["solver"]),
             verbose=0,
         )
         field.link(found.x)
+        yield found
+
+
+def run(task: dict) -> tuple[list[float], int, int]:
+    """Forces at every travel, unknowns and iterations."""
+    field, body = body_of(task)
+    boundaries = held_of(task, field[0])
+    moved = boundaries.get("plate")
+    ball = None if moved else Ball(field, task["ball"], task["penalty"])
+    iterations, forces = 0, []
+    for found in follow(task, field, body, boundaries, ball):
         iterations += found.iterations
         forces.append(float(-found.fun[moved.dof].sum() if moved else ball.total))
     return forces, int(np.sum(field.fieldsizes)), iterations

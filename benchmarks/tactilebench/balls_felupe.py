@@ -13,32 +13,23 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import felupe as fem
 import numpy as np
-from finite_strain_felupe import Ball, body_of, converged, held_of, solver
+from finite_strain_felupe import Ball, body_of, follow, held_of
+
+#: Tolerance of Newton's method, and its solver.
+SETTINGS = {"tolerance": 1e-8, "solver": "scipy"}
 
 
 def press(task: dict) -> dict:
     """Press the ball in steps; its force, and the nodal forces on the base over the radius."""
     field, body = body_of(task)
-    boundaries, ball, before = held_of(task, field[0]), Ball(field, task["ball"], task["penalty"]), None
-    for step, travel in enumerate(task["travels"]):
-        ball.depth, ball.iteration = travel, 0
-        now = [values.values.copy() for values in field.fields]
-        if before is not None:
-            for values, old, new in zip(field.fields, before, now, strict=True):
-                values.values[:] = 2 * new - old
-        before = now if step else None
-        held, free = fem.dof.partition(field, boundaries)
-        found = fem.newtonraphson(
-            items=[body, ball], maxiter=40, x0=field, dof0=held, dof1=free, ext0=fem.dof.apply(field, boundaries, held),
-            check=converged(1e-8, ball), solver=solver("scipy"), verbose=0,
-        )  # fmt: skip
-        field.link(found.x)
+    ball = Ball(field, task["ball"], task["penalty"])
+    for found in follow(task | SETTINGS, field, body, held_of(task, field[0]), ball):
+        last = found
     points = field.region.mesh.points
     base = np.flatnonzero(points[:, 0] == 0)
     base = base[np.argsort(points[base, 1])]
-    forces = np.asarray(found.fun[: 2 * len(points)]).reshape(-1, 2)[base, 0]
+    forces = np.asarray(last.fun[: 2 * len(points)]).reshape(-1, 2)[base, 0]
     return {"force": float(ball.total), "radii": points[base, 1].tolist(), "nodal": forces.tolist()}
 
 
