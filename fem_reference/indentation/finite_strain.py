@@ -233,6 +233,14 @@ _NEGLIGIBLE = 1e-4
 #: Largest requested target, over the smallest resolved target, that also serves to correct the unresolved targets [-].
 #: A larger target would be too far from the unresolved ones; the smallest resolved target is then solved in addition.
 _SHARED_TARGET = 2.0
+#: First guess of what finite strain adds to the stiffness under a flat face, over depth per thickness [-]: it is 0.5 to
+#: 0.6 under a disk as wide as the cover is thick, at a Poisson ratio of 0.4.
+_STIFFENING = 0.5
+#: The depth of a load is found by iteration: it ends when two depths differ by this share [-], after this many
+#: solutions at most [-].
+_CLOSE, _MOST_PASSES = 0.01, 6
+#: Largest difference between the force at the last depth and the load, over the load, that `_approach` bridges [-].
+_SETTLED = 0.03
 
 
 def correct_path(
@@ -311,8 +319,8 @@ def _find_depths(
         ConvergenceError: If the cover does not bear a load at the depth that is found for it.
     """
     limits = [_find_limit(path, grids) for grids in accurate]
-    shares = [limit.depth / path.cover.thickness for limit in limits]
-    depths = [limit.depth / (1 + _STIFFENING * share) for limit, share in zip(limits, shares, strict=True)]
+    stiffness = [limit.total_force / limit.depth for limit in limits]
+    depths = [limit.depth / (1 + _STIFFENING * limit.depth / path.cover.thickness) for limit in limits]
     for _ in range(_MOST_PASSES):
         part = replace(path, control="depth", targets=tuple(depths))
         scaled = [
@@ -320,7 +328,6 @@ def _find_depths(
             for grids, depth in zip(accurate, depths, strict=True)
         ]
         found = correct_path(part, scaled, solve)
-        stiffness = [limit.total_force / limit.depth for limit in limits]
         factors = [
             _approach(grids[-1], target, small)
             for grids, target, small in zip(found, path.targets, stiffness, strict=True)
@@ -427,13 +434,6 @@ def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -
     return [target if target >= least else shared for target in targets]
 
 
-#: First guess of the effect of finite strain on the stiffness under a flat face, over depth per thickness [-]: 0.5 to
-#: 0.6 under disks of one thickness radius on covers of Poisson ratio 0.4.
-_STIFFENING = 0.5
-#: Difference of the last two depths under a load, over the depth, that ends their iteration, and most solutions [-].
-_CLOSE, _MOST_PASSES = 0.01, 6
-#: Largest difference between the force at the last depth and the load, over the load, that the local law bridges [-].
-_SETTLED = 0.03
 #: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
 #: are solved.  The result is that of the finest of the three, with an error estimate from all three.
 GRIDS = (6, 9, 13, 19, 28)
