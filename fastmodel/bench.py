@@ -195,7 +195,7 @@ class Bench:
     def __init__(
         self, parameters: Parameters, placements: Sequence[Placement], *, contact: str | TexelContact = DEFAULT
     ) -> None:
-        """Compile the model, with a cover that goes on beyond the array as far as the placements need.
+        """Compile the model.
 
         MuJoCo computes a higher stiffness of contacts for indenters at the origin of the array than for all others.
         """
@@ -206,14 +206,30 @@ class Bench:
             check_type("placement", placement, Placement, "a fastmodel.Placement")
             _check_placement(placement)
         self._parameters, self._placements = parameters, placements
-        self._name, method = choose_method(contact, parameters)
-        self._method = (
-            method if parameters.ends_at_texels else method.hold(parameters.array, _reach(parameters, placements))
-        )
-        self._model = _build_model(parameters, placements, self._method)
-        self._reader = self._method.bind(self._model, parameters.array, _ARRAY, surface=parameters.surface)
+        self._name, self._chosen = choose_method(contact, parameters)
+        height = np.inf if parameters.surface is None else parameters.surface.thickness
+        self._outlines = [_list_points(placement.indenter, height) for placement in placements]
+        self._compile(self._hold([(*placement.at, placement.yaw) for placement in placements]))
+
+    def _hold(self, places: Sequence[tuple[float, float, float]]) -> TexelContact:
+        """Return the contact method with a cover that goes on beyond the array as far as bodies at places reach."""
+        array = self._parameters.array
+        if self._parameters.ends_at_texels:
+            return self._chosen
+        middle, far = (array.centres[:, :2].min(axis=0) + array.centres[:, :2].max(axis=0)) / 2, np.zeros(2)
+        for (x, y), (*at, yaw) in zip(self._outlines, places, strict=True):
+            cosine, sine = np.cos(yaw), np.sin(yaw)
+            turned = np.array([cosine * x - sine * y, sine * x + cosine * y])
+            far = np.maximum(far, np.abs(np.subtract(at, middle)[:, None] + turned).max(axis=1, initial=0.0))
+        return self._chosen.hold(array, (float(far[0]), float(far[1])))
+
+    def _compile(self, method: TexelContact) -> None:
+        """Compile the model for a contact method."""
+        self._method, array, surface = method, self._parameters.array, self._parameters.surface
+        self._model = _build_model(self._parameters, self._placements, method)
+        self._reader = method.bind(self._model, array, _ARRAY, surface=surface)
         with report_slow_compilation("simulated bench test"):
-            compile_kernels(self._method, parameters.array, parameters.surface, self._model.opt.cone)
+            compile_kernels(method, array, surface, self._model.opt.cone)
         self._start, self._data = self._reader.get_state(), mujoco.MjData(self._model)
 
     @cached_property
@@ -259,6 +275,8 @@ class Bench:
         """Place the indenters at rest above the array, and forget the presses before; refuse wrong places."""
         if np.shape(places) != (len(self._placements), 3) or not np.isfinite(places).all():
             raise FastModelError(f"give {len(self._placements)} places of finite x, y [m] and yaw [rad]; not {places}")
+        if (method := self._hold(places)) != self._method:
+            self._compile(method)
         array = self._parameters.array
         for number, (placement, (x, y, yaw)) in enumerate(zip(self._placements, places, strict=True)):
             reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
@@ -269,21 +287,11 @@ class Bench:
         mujoco.mj_resetData(self._model, self._data)
 
 
-def _reach(parameters: Parameters, placements: Sequence[Placement]) -> tuple[float, float]:
-    """Find how far the bodies reach from the middle of the array, up to the thickness of the cover, in x and y [m]."""
-    centres, surface = parameters.array.centres[:, :2], parameters.surface
-    height = np.inf if surface is None else surface.thickness
-    far = np.zeros(2)
-    for placement in placements:
-        shape = placement.indenter
-        x, y = np.meshgrid(*(half * np.linspace(-1, 1, _SAMPLES) for half in shape.footprint))
-        near = shape.gap(x, y) <= height
-        cosine, sine = np.cos(placement.yaw), np.sin(placement.yaw)
-        turned = np.array([cosine * x - sine * y, sine * x + cosine * y])[:, near]
-        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
-        at = np.abs(np.subtract(placement.at, middle)[:, None] + turned)
-        far = np.maximum(far, at.max(axis=1, initial=0.0))
-    return float(far[0]), float(far[1])
+def _list_points(indenter: Indenter, height: float) -> tuple[FloatArray, FloatArray]:
+    """List x and y of points of a footprint at which the indenter is at most so high over its lowest point [m]."""
+    x, y = np.meshgrid(*(half * np.linspace(-1, 1, _SAMPLES) for half in indenter.footprint))
+    near = indenter.gap(x, y) <= height
+    return x[near], y[near]
 
 
 def _describe(

@@ -148,11 +148,11 @@ class _PlateMethod(TexelContact):
 
     def hold(self, array: TexelArray, reach: tuple[float, float]) -> Self:
         """Return the method with a plate that holds bodies, at most `_MOST_PITCHES` wide; see `TexelContact.hold`."""
-        if self.plate.margin is not None or array.margin is not None or not array.regular:
+        if self.plate.margin is not None or array.margin is not None:
             return self
         sides = np.multiply(array.pitch, (array.columns, array.rows)) / 2
         pitches = np.clip(np.ceil(np.subtract(reach, sides) / array.pitch) + 1, 1, _MOST_PITCHES)
-        if (pitches == 1).all():
+        if (pitches == 1).all() or not array.regular:
             return self
         x, y = (pitches * array.pitch).tolist()
         return replace(self, plate=replace(self.plate, margin=(x, y), widened=True))

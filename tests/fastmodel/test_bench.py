@@ -83,6 +83,16 @@ def test_a_body_beyond_the_array_presses_on_a_cover_that_goes_on(shape, at, yaw,
     assert not any("end of the plate" in each for each in found.warnings)
 
 
+def test_a_bench_presses_beyond_the_array_like_one_that_is_made_there_and_back_inside_as_before():
+    parameters, face = fastmodel.load("wts-0614-34"), Box(size=(20e-3, 20e-3, 8e-3))
+    ready = Bench(parameters, [Placement(indenter=face, load=5.0)])
+    inside = ready.press([(0.0, 0.0, 0.0)]).texel_forces
+    beyond = ready.press([(10e-3, 20e-3, 0.4)]).texel_forces
+    alone = indent(parameters, face, load=5.0, at=(10e-3, 20e-3), yaw=0.4).texel_forces
+    assert beyond == pytest.approx(alone, abs=1e-6)  # MuJoCo's stiffness depends on the place at which it compiles
+    assert np.array_equal(ready.press([(0.0, 0.0, 0.0)]).texel_forces, inside)
+
+
 def test_a_face_that_lies_half_beyond_the_array_loads_the_texels_by_half():
     """A foundation bears a flat face evenly: the middle of 7 x 14 mm lies on the edge of the array."""
     array = TexelArray.grid(8, 6, pitch=3.5e-3)

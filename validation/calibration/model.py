@@ -264,22 +264,16 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMe
         parameters: Array and cover of the fast model.
         method: Name of its contact method (`fastmodel.METHODS`), or `default`.
     """
-    centres = parameters.array.centres[:, :2]
-    middle, half = centres.mean(axis=0), np.ptp(centres, axis=0) / 2 + 1.5 * np.asarray(parameters.array.pitch)
 
     @lru_cache(maxsize=_BENCHES)
-    def make_bench(indenter: Indenter, load: float, *, beyond: bool) -> Bench:
-        # The plate of a bench goes on as far as its placements need.  A wider one has other cells, on whose edges a
-        # face may lie, so that only presses beyond one pitch get the widest that any press on a texel needs.
-        far = half + np.hypot(*indenter.footprint) if beyond else parameters.array.pitch
-        away = fastmodel.Placement(indenter=indenter, load=load, at=tuple((middle + far).tolist()))
+    def make_bench(indenter: Indenter, load: float) -> Bench:
+        away = fastmodel.Placement(indenter=indenter, load=load, at=parameters.array.pitch)
         return Bench(parameters, [away], contact=method)
 
     def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
-        tilted = tilt_indenter(indenter, (pose.tilt_x, pose.tilt_y))
-        beyond = bool((np.abs((pose.x, pose.y) - middle) + np.hypot(*tilted.footprint) > half).any())
         try:
-            return make_bench(tilted, load, beyond=beyond).press([(pose.x, pose.y, pose.yaw)]).texel_forces
+            bench = make_bench(tilt_indenter(indenter, (pose.tilt_x, pose.tilt_y)), load)
+            return bench.press([(pose.x, pose.y, pose.yaw)]).texel_forces
         except MissedArrayError:
             return np.zeros(parameters.array.count)
 
