@@ -228,9 +228,8 @@ def find_uses(name: str) -> list[tuple[str, int, str, bool]]:
 def is_compiled(path: str) -> bool:
     """Whether numba compiles functions of a file, or of a file that imports it."""
     module = path.removesuffix(".py").replace("/", ".")
-    return "called_by_kernels" in read_sources()[path] or any(
-        "called_by_kernels" in source and f"from {module} import" in source for source in read_sources().values()
-    )
+    compiled = [source for source in read_sources().values() if re.search(r"called_by_kernels|numba\.njit", source)]
+    return read_sources()[path] in compiled or any(f"from {module} import" in source for source in compiled)
 
 
 def try_mutant(mutant: Mutant, known: Coverage, tree: Path) -> dict[str, Any]:

@@ -81,3 +81,13 @@ def test_parts_name_files_that_exist_and_share_none(score):
     assert len(score.PARTS) == 9
     assert all((ROOT / path).exists() for path in paths)
     assert not any(a != b and a.startswith(b) for a in paths for b in paths)
+
+
+def test_files_with_kernels_are_those_that_numba_compiles(score):
+    kernels = (
+        "validation/resolution/kernel.py",
+        "validation/resolution/mixture.py",
+        "fastmodel/pressure/gap_kernels.py",
+    )
+    assert all(score.is_compiled(path) for path in kernels)
+    assert not any(score.is_compiled(path) for path in ("meshes/pose.py", "validation/metrics.py"))
