@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -96,6 +96,84 @@ def test_loads_that_the_cover_bears_at_no_depth_are_refused():
         correct_loads(lambda s: 1 - s, 6.0)
 
 
+@dataclass(frozen=True)
+class Fields:
+    """Fields that hold their factors alone."""
+
+    displacement: float = 1.0
+    stress: float = 1.0
+
+    def scale(self, displacement, stress):
+        return Fields(self.displacement * displacement, self.stress * stress)
+
+
+def test_energy_tractions_and_fields_of_a_load_belong_to_its_depth():
+    """A force that grows with the depth by 1 + 4 s stores this work; tractions sum to the load."""
+
+    def solve_with_fields(path, approaches):
+        baseline, full = solve(path, approaches)
+        return baseline, [
+            [
+                replace(
+                    each, fields=Fields(each.depth, each.total_force), energy=each.total_force * each.depth / 2,
+                    contact=np.array([[0.0, 0.0, each.total_force]]),
+                )
+                for each in grids
+            ]
+            for grids in full
+        ]  # fmt: skip
+
+    loads = (1.0, 5.0)
+    path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=loads, control="load")
+    found = correct_path(path, [make_grids(load / STIFFNESS) for load in loads], solve_with_fields)
+    for load, grids in zip(loads, found, strict=True):
+        for each in grids:
+            assert each.total_force == pytest.approx(load)
+            assert STIFFNESS * each.depth * (1 + STIFFENING * each.depth) == pytest.approx(load, rel=1e-3)
+            assert each.energy == pytest.approx(load * each.depth / 2)
+            assert each.contact[:, 2].sum() == pytest.approx(load)
+            assert (each.fields.displacement, each.fields.stress) == pytest.approx((each.depth, load))
+
+
+def test_a_load_under_which_nothing_is_added_has_the_size_and_area_of_each_grid():
+    grids = [replace(each, area=area) for each, area in zip(make_grids(5e-9), (3.0, 4.0, 5.0), strict=True)]
+    path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(5e-9,), control="depth")
+    (found,) = correct_path(path, [grids], None)
+    assert [(each.size, each.area) for each in found] == [(3.0, 3.0), (2.0, 4.0), (1.0, 5.0)]
+    assert finite_strain.state_correction(path, [grids], 0.1e-3) == {
+        "strain": "small, because what finite strain adds at this depth is negligible"
+    }
+    for other in (replace(path, fields=True), replace(path, friction=0.3), replace(path, indenter=ROLLER)):
+        assert "strain" not in finite_strain.state_correction(other, [grids], 0.1e-3)
+    assert set(finite_strain.state_correction(replace(path, fields=True), [grids], 0.1e-3)) == {"edge", "contact"}
+
+
+def test_a_face_is_corrected_from_its_extrapolated_solution_and_a_curved_body_from_its_finest():
+    """Forces of 1 + 0.1 size per grid come to 1 at size zero, and to 1.1 on the finest grid."""
+
+    def repeat(path, _approaches):
+        same = [[make_solution(STIFFNESS * d, d) for _ in SOLID_GRIDS] for d in path.targets]
+        return same, same
+
+    for shape, force in ((FACE, 1.0), (ROLLER, 1.1)):
+        grids = [make_solution(1 + 0.1 * size, 1e-4, size) for size in (3.0, 2.0, 1.0)]
+        path = LoadingPath(cover=make_cover(0.45), indenter=shape, targets=(1e-4,), control="depth")
+        (found,) = correct_path(path, [grids], repeat)
+        assert [each.total_force for each in found] == pytest.approx([force] * 3)
+
+
+def test_the_area_of_a_face_is_that_of_small_strain_and_of_a_curved_body_the_corrected_one():
+    def widen(path, _approaches):
+        same = [[make_solution(STIFFNESS * d, d) for _ in SOLID_GRIDS] for d in path.targets]
+        return same, [[replace(each, area=1.3) for each in grids] for grids in same]
+
+    for shape, areas in ((FACE, [3.0, 4.0, 5.0]), (ROLLER, [6.5] * 3)):
+        grids = [replace(each, area=area) for each, area in zip(make_grids(1e-4), (3.0, 4.0, 5.0), strict=True)]
+        path = LoadingPath(cover=make_cover(0.45), indenter=shape, targets=(1e-4,), control="depth")
+        (found,) = correct_path(path, [grids], widen)
+        assert [each.area for each in found] == pytest.approx(areas)
+
+
 def record_targets(shape, *targets, friction=0.0):
     """The depths that are solved on coarse grids."""
     asked = []
@@ -114,7 +192,12 @@ def test_small_loads_of_a_flat_face_are_solved_at_a_larger_one_or_not_at_all():
     assert record_targets(FACE, 1e-9, 7.9e-9) == []  # a ten thousandth of what the grids resolve, and less
     assert record_targets(FACE, 1e-9, 8.1e-9) == pytest.approx([0.04 * 2e-3])
     assert record_targets(FACE, 1e-6, 0.1e-3) == [0.1e-3]  # a target that is large enough serves both
+    assert record_targets(FACE, 1e-6, 0.159e-3) == [0.159e-3]  # up to twice what the grids resolve
+    assert record_targets(FACE, 1e-6, 0.161e-3) == pytest.approx([0.04 * 2e-3, 0.161e-3])
     assert record_targets(FACE, 1e-6, 0.5e-3) == pytest.approx([0.04 * 2e-3, 0.5e-3])
+    assert record_targets(FACE, 0.07e-3, 0.09e-3, 0.3e-3) == [0.09e-3, 0.3e-3]
+    for shape, friction in ((FACE, 0.3), (ROLLER, 0.0)):
+        assert record_targets(shape, 1e-6, 0.5e-3, friction=friction) == [1e-6, 0.5e-3]
 
 
 def test_faces_that_rub_are_refined_in_turn():

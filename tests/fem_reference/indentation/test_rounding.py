@@ -9,8 +9,10 @@ from fem_reference import press
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.finite_strain import (
     choose_edge_safety,
+    choose_fillet,
     choose_solid_fillet,
     choose_solid_grids,
+    scale_fillet,
     state_rounding,
 )
 from meshes import Box, Cylinder, LetterH, Prism, Roller, Sphere
@@ -81,3 +83,57 @@ def test_results_state_what_was_rounded():
         "surface": "facets and edges rounded over 0.1 mm"
     }
     assert "rounded with 0.1 mm on the finest grid" in state_rounding(Cylinder(radius=4e-3), 0.1e-3)["edge"]
+
+
+@pytest.mark.parametrize(
+    ("thickness", "radius", "depth", "expected"),
+    [
+        (2e-3, 5e-3, 0.0, 0.1e-3), (4e-3, 3e-3, 0.0, 0.15e-3),  # a twentieth of the smaller one
+        (2e-3, 5e-3, 0.4e-3, 0.1e-3), (2e-3, 5e-3, 0.6e-3, 0.12e-3),  # from a quarter of the thickness on as the depth
+        (2e-3, 5e-3, 1.2e-3, 0.24e-3), (2e-3, 5e-3, 1.9e-3, 0.24e-3),  # up to 0.6 of it
+    ],
+)  # fmt: skip
+def test_the_edge_of_a_disk_is_a_twentieth_of_its_size_and_wider_deep_in_the_cover(thickness, radius, depth, expected):
+    assert choose_fillet(thickness, Cylinder(radius=radius), depth) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "shape", "expected"),
+    [
+        (2e-3, Box(size=(8e-3, 6e-3, 4e-3)), 0.4e-3), (4e-3, Box(size=(8e-3, 6e-3, 4e-3)), 0.6e-3),
+        (4e-3, Roller(radius=1e-3, length=6e-3), 0.2e-3),
+        (3e-3, frame(2e-3), 0.45e-3), (3e-3, frame(0.5e-3), 0.1e-3),  # thickest in the corners, at a sample of 81
+    ],
+)  # fmt: skip
+def test_the_edge_in_three_dimensions_is_a_fifth_of_the_thickness_the_half_width_or_the_wall(
+    thickness, shape, expected
+):
+    assert choose_solid_fillet(thickness, shape) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("wall", "refused"), [(0.15e-3, True), (0.5e-3, False)])
+def test_the_thickest_wall_must_reach_a_twentieth_of_the_footprint(wall, refused):
+    ring = frame(wall)
+    if refused:
+        with pytest.raises(ValueError, match="no wall of the indenter's face is wider than about"):
+            choose_solid_fillet(2e-3, ring)
+    else:
+        assert choose_solid_fillet(2e-3, ring) > 0
+
+
+def test_edges_refined_in_turn_are_three_quarters_and_three_eighths_of_those_refined_at_once():
+    box = Box(size=(8e-3, 6e-3, 4e-3))
+    found = choose_solid_grids(2e-3, box, in_turn=True)
+    assert [(grid.count, grid.fillet) for grid in found] == [
+        (2, pytest.approx(0.3e-3)), (2, pytest.approx(0.15e-3)), (3, pytest.approx(0.3e-3)),
+    ]  # fmt: skip
+    assert scale_fillet(0.1e-3, 8, (2, 4, 6)) == pytest.approx(0.075e-3)
+
+
+@pytest.mark.parametrize(("length", "told"), [(0.2e-3, False), (0.6e-3, False), (1.2e-3, True), (3e-3, True)])
+def test_a_thin_leg_is_lost_where_it_reaches_far_beyond_the_inset_of_its_face(length, told):
+    """The inset of 0.5 mm ends 0.4 mm above the root of a leg 0.6 mm wide: the tips lie 1.2 to 6.8 radii away."""
+    leg = [(-4e-3, -4e-3), (-0.3e-3, -4e-3), (-0.3e-3, -4e-3 - length), (0.3e-3, -4e-3 - length), (0.3e-3, -4e-3)]
+    shape = Prism(points=(*leg, (4e-3, -4e-3), (4e-3, 4e-3), (-4e-3, 4e-3)))
+    assert ("left out" in state_rounding(shape, 0.5e-3)["edge"]) == told
+    assert "left out" not in state_rounding(Cylinder(radius=0.1e-3), 0.5e-3)["edge"]
