@@ -96,6 +96,19 @@ def test_loads_that_the_cover_bears_at_no_depth_are_refused():
         correct_loads(lambda s: 1 - s, 6.0)
 
 
+@pytest.mark.parametrize(("stiffening", "passes"), [(0.5, 1), (4.0, 2), (-0.8, 2)])
+def test_a_load_is_solved_once_where_the_cover_stiffens_as_under_a_disk_of_its_thickness(stiffening, passes):
+    """The force is 1 + s / 2 times that of small strain, and the load reaches a fifth of the thickness there."""
+    asked = []
+
+    def law(share):
+        asked.append(share)
+        return 1 + stiffening * share
+
+    correct_loads(law, 0.2 * 2e-3 * STIFFNESS)
+    assert len(asked) == passes
+
+
 @dataclass(frozen=True)
 class Fields:
     """Fields that hold their factors alone."""
@@ -108,20 +121,21 @@ class Fields:
 
 
 def test_energy_tractions_and_fields_of_a_load_belong_to_its_depth():
-    """A force that grows with the depth by 1 + 4 s stores this work; tractions sum to the load."""
+    """The made-up energy is half of force times depth; tractions sum to the load.  No straight law holds exactly."""
 
     def solve_with_fields(path, approaches):
         baseline, full = solve(path, approaches)
-        return baseline, [
-            [
-                replace(
-                    each, fields=Fields(each.depth, each.total_force), energy=each.total_force * each.depth / 2,
-                    contact=np.array([[0.0, 0.0, each.total_force]]),
-                )
-                for each in grids
-            ]
-            for grids in full
-        ]  # fmt: skip
+        for grids in full:
+            for k, each in enumerate(grids):
+                force = 1.1 * STIFFNESS * each.depth * law(each.depth)
+                grids[k] = replace(
+                    each, total_force=force, energy=force * each.depth / 2, fields=Fields(each.depth, force),
+                    contact=np.array([[0.0, 0.0, force]]),
+                )  # fmt: skip
+        return baseline, full
+
+    def law(depth):
+        return 1 + 2e6 * depth**2
 
     loads = (1.0, 5.0)
     path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=loads, control="load")
@@ -129,7 +143,7 @@ def test_energy_tractions_and_fields_of_a_load_belong_to_its_depth():
     for load, grids in zip(loads, found, strict=True):
         for each in grids:
             assert each.total_force == pytest.approx(load)
-            assert STIFFNESS * each.depth * (1 + STIFFENING * each.depth) == pytest.approx(load, rel=1e-3)
+            assert STIFFNESS * each.depth * law(each.depth) == pytest.approx(load, rel=5e-3)
             assert each.energy == pytest.approx(load * each.depth / 2)
             assert each.contact[:, 2].sum() == pytest.approx(load)
             assert (each.fields.displacement, each.fields.stress) == pytest.approx((each.depth, load))
@@ -143,6 +157,11 @@ def test_a_load_under_which_nothing_is_added_has_the_size_and_area_of_each_grid(
     assert finite_strain.state_correction(path, [grids], 0.1e-3) == {
         "strain": "small, because what finite strain adds at this depth is negligible"
     }
+    for last, negligible in ((7.9e-9, True), (8.1e-9, False)):
+        loads = replace(path, targets=(1e-4,), control="load")
+        depths = [make_solution(1e-4, depth) for depth in (8.1e-9, 8.1e-9, last)]
+        stated = finite_strain.state_correction(loads, [make_grids(1e-9), depths], 0.1e-3)
+        assert ("strain" in stated) == negligible
     for other in (replace(path, fields=True), replace(path, friction=0.3), replace(path, indenter=ROLLER)):
         assert "strain" not in finite_strain.state_correction(other, [grids], 0.1e-3)
     assert set(finite_strain.state_correction(replace(path, fields=True), [grids], 0.1e-3)) == {"edge", "contact"}

@@ -41,7 +41,16 @@ class Presses:
 
     def __init__(self, monkeypatch, folder, depths=DEPTHS):
         self.calls, self.blocks, self.places, self.least_fillet = [], [], [], 0.0
-        self.accurate = GridStudy(solutions=[[make_solution(1e4 * d, d, 4 - k) for k in range(3)] for d in depths])
+        coarse, middle, fine = (1.02, 2), (1.01, 3), (1.0, 4)
+        self.accurate = GridStudy(
+            solutions=[
+                [
+                    replace(make_solution(1e4 * d, more * d, 1 / n), contact=n / 2 * CONTACT)
+                    for more, n in (coarse, middle, fine)
+                ]
+                for d in depths
+            ]
+        )
         monkeypatch.setenv("SOFTCOVER_STORE", str(folder))
         module = "fem_reference.indentation"
         monkeypatch.setattr(f"{module}.small_strain.study_path", self.solve_accurately)
