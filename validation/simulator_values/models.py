@@ -10,6 +10,7 @@ import numpy as np
 
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
+from validation.errors import InputError
 from validation.published.model import CODE, OWN, PENETRATION, POINTS, Model, Parameter, Values, foundation_stiffness
 from validation.published.rules import PUBLISHED
 from validation.published.scene import Forces, Scene, bin_on_texels, sink, sink_springs
@@ -27,6 +28,8 @@ SPREADS = ("exact spread", "no spread")
 POWER = "power law, exact spread"
 #: Number of points along each side of a texel for springs with a kernel [-].
 POINTS_PER_TEXEL = 4
+#: Largest excess of a texel over its pitch that is rounding [-].
+_SAME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,7 +160,8 @@ def list_hydroelastic(cover: Cover, parameters: Parameters) -> list[Candidate]: 
 def refine(model: Model, cover: Cover, array: TexelArray, points: int) -> Model:
     """Return a model of one point per texel with more points, and with the cover's kernel between the points.
 
-    The forces at the points of a texel are added behind the kernel.
+    The points lie on the whole top, also above gaps between texels.  Behind the kernel the forces at the points of a
+    texel are added by `weigh_points`; what falls into gaps is outside.
 
     Args:
         model: The model.
@@ -167,7 +171,7 @@ def refine(model: Model, cover: Cover, array: TexelArray, points: int) -> Model:
     """
     from scipy.signal import fftconvolve
 
-    fine = divide(array, points)
+    fine, weights = divide(array, points), weigh_points(array, points)
     kernel = tabulate_kernel(cover, fine)
     gaps: dict[Scene, FloatArray] = {}
 
@@ -176,7 +180,7 @@ def refine(model: Model, cover: Cover, array: TexelArray, points: int) -> Model:
             gaps[scene] = scene.case.indenter.gap(*scene.case.pose.to_indenter(*fine.centres[:, :2].T))
         found, outside = model.predict(replace(scene, array=fine, texel_gaps=gaps[scene]), **values)
         spread = fftconvolve(found.reshape(fine.rows, fine.columns), kernel, mode="same")
-        texels = spread.reshape(array.rows, points, array.columns, points).sum(axis=(1, 3)).ravel()
+        texels = np.einsum("iajb,ab->ij", spread.reshape(array.rows, points, array.columns, points), weights).ravel()
         return Forces(texels, outside + float(found.sum() - texels.sum()))
 
     return replace(
@@ -185,10 +189,37 @@ def refine(model: Model, cover: Cover, array: TexelArray, points: int) -> Model:
 
 
 def divide(array: TexelArray, points: int) -> TexelArray:
-    """Divide each texel of a regular array into as many along each side."""
+    """Divide the cell of each texel of a regular array, one pitch wide, into as many texels along each side."""
     size = (array.pitch[0] / points, array.pitch[1] / points)
     fine = TexelArray.grid(array.rows * points, array.columns * points, size)
     return replace(fine, centres=fine.centres + array.centres.mean(axis=0))
+
+
+def weigh_points(array: TexelArray, points: int) -> FloatArray:
+    """Compute which share of the cell of each point of `divide` lies on its texel, by row and column of the points [-].
+
+    Without gaps between the texels every share is one.  With gaps the force of the outer points falls in part beside
+    the texel; it is taken as uniform in the cell of a point.
+
+    Args:
+        array: The array, on a regular grid.
+        points: Number of points along each side of a texel.
+
+    Raises:
+        InputError: If the texels overlap.
+    """
+    if any(size > (1 + _SAME) * pitch for size, pitch in zip(array.texel_size, array.pitch, strict=True)):
+        raise InputError(
+            f"--format: texels of {1e3 * array.texel_size[0]:.4g} x {1e3 * array.texel_size[1]:.4g} mm at a pitch of "
+            f"{1e3 * array.pitch[0]:.4g} x {1e3 * array.pitch[1]:.4g} mm overlap, so that one point belongs to "
+            "several; take drake or newton"
+        )
+    along = []
+    for size, pitch in zip(array.texel_size, array.pitch, strict=True):
+        cells = size / pitch * points
+        inside = (cells + 1) / 2 - np.abs(np.arange(points) - (points - 1) / 2)
+        along.append(np.clip(inside, 0.0, min(1.0, cells)))
+    return np.round(np.outer(along[1], along[0]), 9)
 
 
 def list_taxels(cover: Cover, parameters: Parameters) -> list[Candidate]:

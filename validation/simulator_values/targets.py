@@ -29,6 +29,7 @@ from validation.simulator_values.models import (
     list_penalty,
     list_taxels,
     tabulate_kernel,
+    weigh_points,
 )
 from validation.simulator_values.scoring import Presses, ScoredValues, check_fit, make_presses, score
 
@@ -179,9 +180,9 @@ def score_target(
             f"--format {form}: values are scored on a regular flat array under a cover without side edges only; "
             f"{sensor.source} has {'side edges (cover.size)' if cover.size is not None else 'another array'}"
         )
+    laws = target.laws(cover, parameters)
     presses = presses or make_presses(cover, parameters, loads, progress)
     progress(f"fits of {len(presses.presses)} presses")
-    laws = target.laws(cover, parameters)
     rows = score(laws, cover, presses.presses)
     check_fit(laws[0], rows[0], presses.presses)
     deepest = max(press.reference.depth for press in presses.presses)
@@ -321,7 +322,8 @@ def _write_genesis(scores: Scores, sensor: SensorDescription, parameters: Parame
         "twist_scalar": 0.0,
         "crosstalk_kernel": tabulate_kernel(sensor.layered_cover, fine),
     }
-    return _write_json(scores, {"sensor": "gs.sensors.KinematicTaxel", "options": options})
+    weights = weigh_points(parameters.array, POINTS_PER_TEXEL)
+    return _write_json(scores, {"sensor": "gs.sensors.KinematicTaxel", "options": options, "point_weights": weights})
 
 
 def _write_isaac(scores: Scores, sensor: SensorDescription, parameters: Parameters) -> str:
@@ -343,11 +345,12 @@ def _write_isaac(scores: Scores, sensor: SensorDescription, parameters: Paramete
         "tactile_margin": -spacing / 2,
     }
     mesh = [spacing * fine.columns, spacing * fine.rows]
-    kernel = tabulate_kernel(sensor.layered_cover, fine).T
-    return _write_json(
-        scores,
-        {"sensor": "VisuoTactileSensorCfg", "options": options, "elastomer_size_m": mesh, "kernel_behind": kernel},
-    )
+    behind = {
+        "elastomer_size_m": mesh,
+        "kernel_behind": tabulate_kernel(sensor.layered_cover, fine).T,
+        "point_weights": weigh_points(parameters.array, POINTS_PER_TEXEL).T,
+    }
+    return _write_json(scores, {"sensor": "VisuoTactileSensorCfg", "options": options, **behind})
 
 
 def _give_example(scores: Scores, parameters: Parameters) -> tuple[str, np.ndarray]:
@@ -407,7 +410,8 @@ _EDGE = (
 )
 _KINEMATIC = (
     "The depth of the bodies is that at which the forces carry the load; the engine must let them sink so far.",
-    f"Add the {POINTS_PER_TEXEL} x {POINTS_PER_TEXEL} points of each texel behind the kernel.",
+    f"Behind the kernel add the {POINTS_PER_TEXEL} x {POINTS_PER_TEXEL} points of each texel, times `point_weights`.",
+    "`point_weights` are below 1 where a point stands for a part of a gap between texels.",
 )
 #: The simulators by name of the format.
 TARGETS = {
@@ -440,7 +444,7 @@ TARGETS = {
             *_KINEMATIC,
             "The sensor has no kernel: convolve its normal forces with `kernel_behind`.",
             "The margin is for an elastomer mesh of `elastomer_size_m` along the x and y of the array.",
-            "Points and kernel run along y fastest: transpose them to get texels row by row.",
+            "Points, weights and kernel run along y fastest: transpose them to get texels row by row.",
             "The sensor puts the points of a flat box on the side of its smallest z: turn that side to the bodies.",
         ),
     ),
