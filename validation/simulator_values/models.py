@@ -219,7 +219,7 @@ def weigh_points(array: TexelArray, points: int) -> FloatArray:
         cells = size / pitch * points
         inside = (cells + 1) / 2 - np.abs(np.arange(points) - (points - 1) / 2)
         along.append(np.clip(inside, 0.0, min(1.0, cells)))
-    return np.round(np.outer(along[1], along[0]), 9)
+    return np.asarray(np.outer(along[1], along[0]).round(9), dtype=np.float64)
 
 
 def list_taxels(cover: Cover, parameters: Parameters) -> list[Candidate]:
