@@ -10,7 +10,7 @@ the force under two penalties and its extrapolation to a rigid contact: the erro
 from __future__ import annotations
 
 import numpy as np
-from finite_strain_felupe import Ball, body_of, follow, held_of
+from finite_strain_felupe import STEEPEST, Ball, body_of, follow, held_of
 
 #: Lengths over the thickness [-], shear modulus [Pa] and thickness [m].
 RADIUS, FILLET, DEPTH, SHEAR, THICKNESS = 1.696 / 1.297, 0.0934 / 1.297, 0.36, 2.423e6 / 2.8, 1.297e-3
@@ -19,16 +19,16 @@ STEPS, ELEMENTS, PENALTIES = 60, 10, (1000.0, 3000.0)
 
 
 class Disk(Ball):
-    """The contact of `Ball` under a flat face with a rounded edge, which goes on as a cone of 60 degrees."""
+    """The contact of `Ball` under a flat face with a rounded edge, which goes on as a cone of slope `STEEPEST`."""
 
     def _at(self) -> tuple:
         u = np.einsum("qa,fai->fqi", self.shape, self.field[0].values[self.nodes])
         beyond = np.maximum(self.r + u[..., 1] - (RADIUS - FILLET), 0.0)
         ramp = FILLET / 2
-        steep = ramp / 2 + np.tan(np.pi / 3) * FILLET
+        steep = ramp / 2 + STEEPEST * FILLET
         arc, bend = np.clip(beyond, ramp, steep) - ramp, np.minimum(beyond, ramp)
         height = bend**3 / (6 * FILLET * ramp) + (ramp * arc + arc**2) / (2 * FILLET)
-        height += np.tan(np.pi / 3) * np.maximum(beyond - steep, 0)
+        height += STEEPEST * np.maximum(beyond - steep, 0)
         slope = bend**2 / (2 * FILLET * ramp) + arc / FILLET
         curvature = np.where(beyond < ramp, beyond / (FILLET * ramp), (beyond < steep) / FILLET)
         pressed = self.penalty * (u[..., 0] + self.depth - height)

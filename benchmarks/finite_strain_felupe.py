@@ -18,6 +18,9 @@ import scipy.sparse as sp
 from felupe.math import cdya_il, det, dya, inv, transpose
 from scipy.sparse.linalg import spsolve
 
+#: Slope beyond which an indenter goes on as a cone, as in `fem_reference.finite_strain.indenter_surface` [-].
+STEEPEST = 2.5
+
 
 class TwoFields(fem.ConstitutiveMaterial):
     """Isochoric energy + p (J - 1) - p^2 / 2 K in displacement and pressure."""
@@ -107,9 +110,9 @@ class Ball:
     def _at(self) -> tuple:
         u = np.einsum("qa,fai->fqi", self.shape, self.field[0].values[self.nodes])
         r = self.r + u[..., 1]
-        round_ = np.minimum(r, self.radius * np.sin(np.pi / 3))  # from 60 degrees on a cone, as softcover has it
+        round_ = np.minimum(r, self.radius * np.sin(np.arctan(STEEPEST)))
         root = np.sqrt(self.radius**2 - round_**2)
-        height = self.radius - root + np.tan(np.pi / 3) * (r - round_)
+        height = self.radius - root + STEEPEST * (r - round_)
         pressed = self.penalty * (u[..., 0] + self.depth - height)
         touching = pressed > 0
         normal = np.stack([np.ones_like(r), -round_ / root], axis=-1)
