@@ -13,7 +13,7 @@ import fastmodel
 from fastmodel import RangeWarning
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import ParametersError
-from fastmodel.validity import Validity, describe_limits
+from fastmodel.validity import Validity, describe_end, describe_limits, describe_offset, find_offset, goes_on
 from meshes import Box, Sphere
 from tests.support.scenes import make_spec, run, simulate
 
@@ -40,6 +40,9 @@ def reading(**changes) -> Reading:
         ({"approach": np.array([0.15e-3, 0.21e-3])}, True),
         ({"approach": None}, True),
         ({"approach": None, "carried": 0.9}, False),
+        ({"approach": None, "carried": 1.0}, False),
+        ({"approach": np.array([0.2e-3])}, False),
+        ({"approach": np.array([])}, False),
         ({"approach": np.array([0.3e-3]), "texel_forces": None}, False),
     ],
 )
@@ -83,6 +86,47 @@ def test_a_range_of_bad_values_is_refused_also_in_a_file(tmp_path, name, value, 
     path.write_text(head + "[validity]" + re.sub(rf"(?m)^{name} = .*$", f"{name} = {text}", section))
     with pytest.raises(ParametersError, match=rf"parameters.toml: \[validity\] .*{message}"):
         fastmodel.load(tmp_path / "sensor")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"load_2_percent": 0.0, "depth_2_percent": 0.0}, {"load_2_percent": 1.0, "load_5_percent": 1.0},
+        {"depth_2_percent": 0.2e-3}, {"load_5_percent": 2, "largest_load": 2}, {"strain": "small"},
+    ],
+)  # fmt: skip
+def test_a_range_may_start_at_zero_and_its_limits_may_be_equal(changes):
+    assert dataclasses.replace(RANGE, **changes)
+
+
+@pytest.mark.parametrize("name", ["ball_radius", "largest_load"])
+def test_a_radius_or_largest_load_of_zero_is_refused(name):
+    with pytest.raises(ValueError, match=f"{name} must be positive, not 0"):
+        dataclasses.replace(RANGE, load_2_percent=0.0, load_5_percent=0.0, **{name: 0.0})
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.9e-3, False), (1e-3, False), (1.1e-3, True)])
+def test_a_thousandth_of_the_force_on_the_outermost_cells_reaches_the_end_of_a_plate(share, told):
+    contact = reading(at_end=share)
+    assert goes_on(contact) == told
+    assert describe_limits(contact, None) == (describe_end(contact),) * told
+
+
+def test_all_that_is_known_to_be_wrong_is_told_at_once():
+    contact = reading(at_end=0.2, fewest_cells=3, approach=np.array([0.3e-3]))
+    few, end, excess = describe_limits(contact, RANGE)
+    assert "covers only 3 of" in few
+    assert "bear 0.2 of the force" in end
+    assert excess == RANGE.describe_excess(contact)
+    assert describe_limits(reading(fewest_cells=None), RANGE) == ()
+
+
+def test_the_offset_of_the_centre_is_the_missing_torque_over_the_force():
+    torques = np.array([9.0, 9.0, 9.0, 0.6, 0.0, -0.8])
+    assert find_offset(reading(torques=torques)) == pytest.approx(1.0 / 4.0)
+    assert "lies 2.5e+02 mm from" in describe_offset(reading(torques=torques))
+    for contact in (reading(), reading(torques=torques, carried=0.0), reading(torques=torques, carried=-1.0)):
+        assert find_offset(contact) == 0
 
 
 @pytest.mark.parametrize(("margin", "warned"), [(None, 1), ((3e-3, 3e-3), 0)])
