@@ -63,6 +63,7 @@ def test_a_table_states_the_means_of_each_tier_and_the_interval_and_floor_of_all
     expected = [[name, each["cases"], *(each[key]["value"] for key in SCORES)] for name, each in means.items()]
     expected += [[key, *(result["overall"][name][key] for name in SCORES)] for key in ("low", "high", "floor")]
     factors = {"%": 100, "mm": 1e3}
+    assert all(factor == factors[unit] for _, unit, factor in SCORES.values())
     for row, (title, *numbers) in zip(rows[2:], expected, strict=False):
         first, *given = row.split()
         assert first == title

@@ -94,6 +94,14 @@ def test_a_force_beyond_the_texels_that_is_not_stated_is_not_scored():
             tactilebench.score_case(make_known(), F, outside=wrong)
 
 
+def test_an_overlap_is_one_at_most_and_no_score_is_negative():
+    """The true forces overlap wholly; texels 0 and 4 of seven may lie on either side of the threshold."""
+    found = tactilebench.score_case(make_known(), R)["scores"]
+    assert tuple(found["active_area_iou"].values()) == pytest.approx((1, 5 / 7, 1, 5 / 7))
+    assert {each["low"] for name, each in found.items() if name != "active_area_iou"} == {0}
+    assert min(each["high"] for each in found.values()) > 0
+
+
 def test_the_score_of_a_motion_is_the_mean_over_its_instants():
     loads, frames, wide = (5.0, 10.0), np.array([R, 2 * R[::-1]]), np.array([W, 3 * W])
     case = make_case(motion=slide(*loads), columns=5, centres=PLACES, normals=np.tile([0, 0, 1.0], (10, 1)))
