@@ -288,3 +288,9 @@ def test_meshes_are_given_from_coarse_to_fine():
     for wrong in ([finer, MESH], [MESH, MESH], [], [MESH] * 4):
         with pytest.raises(ValueError, match=r"give (one, two or three|the meshes from coarse)"):
             check_meshes(wrong)
+
+
+def test_unknowns_are_displacements_off_the_base_and_a_pressure_at_each_corner():
+    """Of 2 x 1 x 2 hexahedra: 5 x 3 x 5 nodes, 15 of them on the base, and 3 x 2 x 3 corners."""
+    mesh = flat_pad(size=(4e-3, 2e-3)).mesh(2e-3, layers=2)
+    assert CoverSolid(mesh, make_material(1e6)).unknowns == 3 * (75 - 15) + 18

@@ -224,18 +224,19 @@ def begin(target, control, *, deepest=1.2e-3, at=(0.4e-3, -0.3e-3)):
         return CellPress.begin(
             solid, top, ball, pose, find_touch(top, ball, pose), target=target, control=control, cells=20,
             deepest=deepest,
-        ).solve()  # fmt: skip
+        )  # fmt: skip
 
 
 SMALL = PAD.mesh(1.5e-3, layers=3)
 
 
 @pytest.fixture(scope="module")
-def deep():
+def pressed():
     return begin(0.1e-3, "depth")
 
 
-def test_a_contact_at_a_depth_has_the_load_that_gives_the_depth(deep):
+def test_a_contact_at_a_depth_has_the_load_that_gives_the_depth(pressed):
+    deep = pressed.solve()
     assert (deep.depth, deep.touch) == pytest.approx((0.1e-3, 7e-3), abs=1e-8)
     np.testing.assert_allclose(deep.forces.sum(axis=0), [0, 0, -deep.load], atol=1e-9)
     np.testing.assert_allclose(deep.nodal.sum(axis=0), [0, 0, -deep.load], atol=1e-9)
@@ -246,20 +247,49 @@ def test_a_contact_at_a_depth_has_the_load_that_gives_the_depth(deep):
     assert deep.area == pytest.approx(np.pi * (np.ptp(deep.points[:, 0]) / 2) ** 2, rel=0.15)
     assert np.pi * 5e-3 * 0.1e-3 < deep.area < 2 * np.pi * 5e-3 * 0.1e-3  # half space .. foundation
     assert (deep.is_cut, deep.at_border) == (False, 0)
-    again = begin(deep.load, "load")
+    again = begin(deep.load, "load").solve()
     assert again.load == pytest.approx(deep.load, rel=1e-5)
     assert again.depth == pytest.approx(0.1e-3, rel=1e-4)
 
 
-def test_too_deep_presses_and_loads_are_refused_with_what_is_possible(deep):
+def test_too_deep_presses_and_loads_are_refused_with_what_is_possible(pressed):
     with pytest.raises(PiercedError, match=r"at a depth of 0.31 mm .* use at most 0.3 mm"):
         begin(0.31e-3, "depth", deepest=0.3e-3)
     with pytest.raises(PiercedError, match=r"^9 N would press .* use at most .* N, a wider") as caught:
         begin(9.0, "load", deepest=0.1e-3)
-    assert float(str(caught.value).split("at most ")[1].split(" N")[0]) == pytest.approx(deep.load, rel=0.05)
+    assert float(str(caught.value).split("at most ")[1].split(" N")[0]) == pytest.approx(pressed.solve().load, rel=0.05)
 
 
 def test_a_contact_at_the_border_of_the_top_says_so():
     """Its rectangle with a lattice spacing around reaches beyond the pad."""
-    found = begin(0.05e-3, "depth", at=(2.3e-3, 0.0))
+    found = begin(0.05e-3, "depth", at=(2.3e-3, 0.0)).solve()
     assert found.at_border == pytest.approx(min(1.0, 1.5 * found.size / (np.ptp(found.points[:, 1]) / 2)), rel=0.1)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_ball_that_rubs_bears_more_in_the_cone_of_friction_on_the_same_cells(pressed):
+    plain = pressed.solve()
+    (smooth, rough), (fewer, _) = pressed.rub(0.2, [(12, 3), (8, 1)])
+    assert smooth.load == pytest.approx(plain.load, rel=0.03)
+    assert fewer.load == pytest.approx(plain.load, rel=0.06)
+    assert 1.001 < rough.load / smooth.load < 1.1
+    assert smooth.depth == rough.depth == pytest.approx(0.1e-3)
+    np.testing.assert_allclose(smooth.forces[:, :2], 0, atol=1e-9)
+    out = rough.points[:, :2] - [0.4e-3, -0.3e-3]
+    across, normal = rough.forces[:, :2], -rough.forces[:, 2]
+    size = np.linalg.norm(across, axis=1)
+    assert (size <= 0.2 * normal * (1 + 1e-6)).all()
+    assert size.max() > 0.1 * normal.max()
+    # pressure draws the surface of a compressible cover to the middle; the ball holds it
+    assert (across * out).sum() > 0.95 * (size * np.linalg.norm(out, axis=1)).sum()
+    np.testing.assert_allclose(across.sum(axis=0), 0, atol=0.02 * rough.load)
+    np.testing.assert_allclose(rough.nodal.sum(axis=0), rough.forces.sum(axis=0), atol=1e-9)
+    assert -rough.forces[:, 2].sum() == pytest.approx(rough.load)
+    # twelve cells on 1.12 times the width of the cells in contact, and once more by 1.25 where they reach their edge
+    steps = [np.diff(np.unique(plain.points[:, k].round(9))).min() for k in (0, 1)]
+    cells = 1.12 * (np.ptp(plain.points[:, :2], axis=0) + steps) / 12
+    for each in (smooth, rough):
+        assert each.area == pytest.approx(plain.area, rel=0.12)
+        found = [np.diff(np.unique(each.points[:, k].round(9))).min() for k in (0, 1)]
+        assert (found > 0.999 * cells).all()
+        assert (found < 1.251 * cells).all()

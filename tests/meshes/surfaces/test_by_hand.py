@@ -234,12 +234,16 @@ def test_a_grid_of_many_points_is_thinned_out(tmp_path):
         assert found[..., 1].max() == pytest.approx(1e-3 * (1 + step * (left - 1)))
 
 
-@pytest.mark.parametrize(("jump", "lost"), [(1.9, 0), (2.1, 1)])
-def test_a_single_point_at_the_origin_is_one_if_it_is_near_its_neighbours(tmp_path, jump, lost):
-    """Neighbours at up to twice the spacing of the grid."""
-    grid = np.stack(np.meshgrid(np.arange(6.0), np.arange(6.0)), axis=-1)
+@pytest.mark.parametrize(
+    ("start", "jump", "lost"),
+    [(0, 1.9, 0), (0, 2.1, 1), (-3, 1.0, 0), (-3, 1.9, 0), (-3, 2.1, 4), (-5, 1.9, 0), (-5, 2.1, 1)],
+)  # fmt: skip
+def test_a_single_point_at_the_origin_is_one_if_it_is_near_its_neighbours(tmp_path, start, jump, lost):
+    """Neighbours at less than twice the spacing of the grid; those beyond do not count."""
+    grid = np.stack(np.meshgrid(np.arange(6.0) + start, np.arange(6.0) + start), axis=-1)
     grid = np.concatenate([grid, np.zeros((6, 6, 1))], axis=2)
-    grid[1, 1] = np.array([jump, 0, 0])
+    beside = -start + (1 if start == 0 else -1)
+    grid[beside, beside] = np.array([jump, 0, 0])
     np.save(tmp_path / "grid.npy", grid)
     assert len(read_triangles(tmp_path / "grid.npy", 1.0)) == 2 * (25 - lost)
 
