@@ -20,10 +20,11 @@ from .fitting.contact_stiffness import fit_contact as fit_contact
 from .fitting.gaussian import fit_gaussian as fit_gaussian
 from .parameters import Parameters as Parameters, list_sensors as list_sensors, load as load
 from .pressure.array_functions import ContactForces as ContactForces, ContactFunctions as ContactFunctions
-from .sensor import RangeWarning as RangeWarning, Sensor as Sensor, TexelPoses as TexelPoses
+from .sensor import Sensor as Sensor, TexelPoses as TexelPoses
 from .signal.butterworth import Butterworth as Butterworth
 from .signal.chain import ChainFunctions as ChainFunctions
 from .signal.electronics import Electronics as Electronics, WTS_0614_34 as WTS_0614_34
 from .signal.frame import Frame as Frame
 from .signal.point_spread import Gaussian as Gaussian, Tabulated as Tabulated
 from .surface import CoverCells as CoverCells, CoverPoints as CoverPoints
+from .validity import RangeWarning as RangeWarning

@@ -37,7 +37,7 @@ from fastmodel.signal.chain import ChainFunctions, ChainState
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State, make_generator, pack, pack_generator, take_array, unpack, unpack_generator
-from fastmodel.validity import describe_end, describe_offset, find_offset, goes_on
+from fastmodel.validity import RangeWarning, describe_end, describe_offset, find_offset, goes_on
 from meshes.array_types import FloatArray
 
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  Half the sampling rate, the highest
@@ -45,10 +45,6 @@ from meshes.array_types import FloatArray
 _SAMPLES_PER_CUTOFF = 4.0
 #: Tolerance for comparisons of times, over a physics step or a frame period [-]; it allows for the rounding of times.
 _CLOCK_TOLERANCE = 1e-3
-
-
-class RangeWarning(UserWarning):
-    """Warn that a contact lies beyond the range in which the fast model agrees with the finite elements."""
 
 
 class TexelPoses(NamedTuple):
@@ -574,8 +570,8 @@ class Sensor:
         if self._farthest is not None and find_offset(reading) > self._farthest:
             warn_user(f"sensor {self._label!r}: {describe_offset(reading)}", RangeWarning)
             self._farthest = None
-        if not self._at_end and goes_on(reading):
-            warn_user(f"sensor {self._label!r}: {describe_end(reading)}", RangeWarning)
+        if not self._at_end and goes_on(reading.at_end):
+            warn_user(f"sensor {self._label!r}: {describe_end(reading.at_end)}", RangeWarning)
             self._at_end = True
 
     def _check_clock(self, now: float) -> None:

@@ -19,6 +19,10 @@ FEWEST_CELLS = 9
 _STRAINS = ("finite", "small")
 
 
+class RangeWarning(UserWarning):
+    """Warn that a contact lies beyond the range in which the fast model agrees with the finite elements."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Validity:
     """Loads up to which the fast model places at most 2 and 5 % of the force under a ball on wrong texels.
@@ -90,15 +94,15 @@ class Validity:
         )
 
 
-def goes_on(reading: Reading) -> bool:
+def goes_on(at_end: float) -> bool:
     """Return whether a contact reaches the end of a plate whose margin nobody states, and may go on beyond it."""
-    return reading.at_end > _AT_END
+    return at_end > _AT_END
 
 
-def describe_end(reading: Reading) -> str:
-    """Describe in one sentence a contact that reaches the end of the plate."""
+def describe_end(at_end: float) -> str:
+    """Describe in one sentence a contact that reaches the end of the plate, with this share of its force on the rim."""
     return (
-        f"a contact reaches the end of the plate, whose outermost cells bear {reading.at_end:.2g} of the force: the "
+        f"a contact reaches the end of the plate, whose outermost cells bear {at_end:.2g} of the force: the "
         "cover beyond it bears nothing here, and the texels bear too much; state the width of the cover beyond the "
         "texels, margin in [array] of the sensor file or of meshes.TexelArray"
     )
@@ -132,8 +136,8 @@ def describe_limits(reading: Reading, validity: Validity | None) -> tuple[str, .
             f"a contact covers only {reading.fewest_cells} of the fast model's cells: its depth is not resolved, and "
             f"its place is uncertain by the size of a cell"
         )
-    if goes_on(reading):
-        messages.append(describe_end(reading))
+    if goes_on(reading.at_end):
+        messages.append(describe_end(reading.at_end))
     if validity is not None and validity.is_exceeded(reading):
         messages.append(validity.describe_excess(reading))
     return tuple(messages)

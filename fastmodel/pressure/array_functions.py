@@ -29,12 +29,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastmodel.errors import FastModelError, ParametersError, check_count, check_type
+from fastmodel.errors import FastModelError, ParametersError, check_count, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.pressure.array_solver import Problem, differentiate
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.solvers import TILT
 from fastmodel.signal.array_namespace import Array, cast, check_floats, convert, find_namespace, is_known
+from fastmodel.validity import RangeWarning, describe_end, goes_on
 from meshes.array_types import FloatArray
 
 #: Number of worlds that numpy computes at a time, whose arrays fit a processor's cache [-].
@@ -48,11 +49,14 @@ class ContactForces(NamedTuple):
         cell_forces: Force on each cell at the top of the cover, shape (..., rows, columns) [N].
         texel_forces: Force on each of n texels at the base of the cover, shape (..., n) [N].
         load: Force of the body in each world, shape (...) [N].
+        at_end: Share of the force on the outermost cells of a grid whose margin nobody states, shape (...) [-]: above
+            0.001 the contact may go on beyond the cells, and the texels then bear too much.
     """
 
     cell_forces: Array
     texel_forces: Array
     load: Array
+    at_end: Array
 
 
 class ContactFunctions:
@@ -99,6 +103,11 @@ class ContactFunctions:
         self._spectrum, self._padded = _transform(ratios, (grid.rows, grid.columns))
         #: Middle of the grid in the array's frame, shape (2,) [m].
         self._middle = grid.low + self._edge * (grid.columns, grid.rows) / 2
+        #: 1 at the outermost cells of a grid whose margin nobody states, else 0, shape (rows, columns) [-].
+        self._rim = np.ones((grid.rows, grid.columns))
+        self._rim[1:-1, 1:-1] = 0
+        self._rim *= array.margin is None and not parameters.ends_at_texels
+        self._warned = False
         y, x = np.mgrid[: grid.rows, : grid.columns].reshape(2, -1)
         places = (np.column_stack([x, y]) + 0.5) * self._edge + grid.low - self._middle
         #: Constants 1, x and y at each of N cells, and below them the columns of the slacks, shape (N + 3, 3) [-].
@@ -148,7 +157,7 @@ class ContactFunctions:
         first = range(0, max(gap.shape[0], 1), max(size, 1))
         parts = [self._press(gap[k : k + size, ...], target[k : k + size, ...], fine, steps) for k in first]
         forces = xp.reshape(xp.concat(parts), (*worlds, *shape))
-        return ContactForces(forces, self.base_forces(forces), load)
+        return self._conclude(forces, load)
 
     def from_contacts(
         self,
@@ -201,7 +210,7 @@ class ContactFunctions:
         cell = (index * shape[1] + row) * shape[2] + column
         cells = _add_at(xp.where(index < 0, index, cell), parts[:, None], worlds * shape[1] * shape[2])
         cells = xp.reshape(cells, shape)
-        return ContactForces(cells, self.base_forces(cells), load)
+        return self._conclude(cells, load)
 
     def from_depths(self, depths: Array, load: Array | None = None, iterations: int = 8) -> ContactForces:
         """Compute the forces under bodies whose depths below the undeformed cover are known at the texels' centres.
@@ -245,6 +254,16 @@ class ContactFunctions:
         else:
             images = xp.reshape(along @ cell_forces, (*worlds, self._array.rows, across.shape[0])) @ across
         return xp.reshape(images, (*worlds, self._array.count)) * convert(self._active, cell_forces)
+
+    def _conclude(self, cells: Array, load: Array) -> ContactForces:
+        """Add forces on texels, and warn once where a contact reaches the end of the grid."""
+        xp = find_namespace(cells)
+        at_end = xp.sum(cells * convert(self._rim, cells), axis=(-2, -1)) / xp.where(load > 0, load, 1.0)
+        most = float(xp.max(at_end)) if is_known(at_end) and 0 not in at_end.shape else 0.0
+        if goes_on(most) and not self._warned:
+            warn_user(f"array {self._array.name!r}: {describe_end(most)}", RangeWarning)
+            self._warned = True
+        return ContactForces(cells, self.base_forces(cells), load, at_end)
 
     def _press(self, gap: Array, target: Array, fine: int, steps: int) -> Array:
         """Compute the forces on whole cells under gaps and targets that are forces, shape (worlds, rows, columns)."""

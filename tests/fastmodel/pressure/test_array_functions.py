@@ -191,6 +191,7 @@ def test_forces_balance_the_load_under_any_body_and_moment(dtype):
         assert np.isfinite(found.texel_forces).all()
 
 
+@pytest.mark.filterwarnings("ignore::fastmodel.RangeWarning")
 @pytest.mark.parametrize("changes", [{"table": True}, {"mask": True}])
 def test_covers_with_free_sides_and_masked_texels(changes):
     surface, array = PARAMETERS.surface, ARRAY
@@ -205,6 +206,32 @@ def test_covers_with_free_sides_and_masked_texels(changes):
     base = functions.grid.build_base_forces(surface, array)
     np.testing.assert_allclose(found.texel_forces, base.from_window(found.cell_forces, (0, 0)), atol=1e-12)
     assert not found.texel_forces[~array.active].any()
+
+
+def test_a_contact_at_the_end_of_the_grid_is_told_with_its_share():
+    """A margin that is stated ends the cover, and nothing is told."""
+    x, _ = places()
+    gap = np.stack([np.where(x < GRID.low[0] + 4e-3, 0.0, INF), np.where(abs(x) < 3e-3, 0.0, INF), x * 0 + INF])
+    load = np.array([3.0, 2.0, 0.0])
+    functions = ContactFunctions(PARAMETERS)
+    with pytest.warns(fastmodel.RangeWarning, match="outermost cells bear 0.* margin in") as caught:
+        found, _ = functions.forces(gap, load), functions.forces(gap, load)
+    inside = found.cell_forces[:, 1:-1, 1:-1].sum(axis=(1, 2))
+    assert found.at_end == pytest.approx([1 - inside[0] / 3, 1 - inside[1] / 2, 0])
+    assert found.at_end[0] > 0.2
+    assert len(caught) == 1
+    stated = dataclasses.replace(ARRAY, margin=(3.4e-3, 3.4e-3))
+    held = ContactFunctions(dataclasses.replace(PARAMETERS, array=stated)).forces(gap, load)
+    np.testing.assert_array_equal(held.at_end, 0)
+    np.testing.assert_allclose(held.texel_forces, found.texel_forces, atol=1e-9)
+
+
+def test_the_share_at_the_end_is_computed_in_every_library(xp):
+    point = xp.asarray([[GRID.low[0] + 1e-5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    force = xp.asarray([[0.0, 0.0, -1.0], [0.0, 0.0, -3.0]])
+    with pytest.warns(fastmodel.RangeWarning, match="bear 0.25"):
+        found = ContactFunctions(PARAMETERS).from_contacts(xp.asarray([0, 0]), point, force, 1)
+    assert float(found.at_end[0]) == pytest.approx(0.25, abs=1e-6)
 
 
 def test_flat_contacts_become_loads_and_moments_of_worlds(xp):
