@@ -1,8 +1,10 @@
 """Cases of tactilebench: attitude of a body, sums over bodies and layers, truths and their digests, cases in files."""
 
 import math
+import os
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,7 +125,7 @@ def test_truths_of_one_and_of_many_instants_survive_their_file(tmp_path):
     for case in map(drawn.get, names):
         sizes = (case.shape, case.shape, case.shape[:-1], case.shape[:-1])
         made.append(case.with_truth(*(rng.uniform(0, 1, size) for size in sizes), command=f"solve {case.name}"))
-    tactilebench.save_truth(tmp_path / "truth.npz", made, seed=3, made_by="nobody 1.0")
+    tactilebench.save_truth(tmp_path / "truth.npz", made, seed=np.int64(3), made_by="nobody 1.0")
     again = tactilebench.load_truth(tmp_path / "truth.npz")
     assert [case.name for case in again] == list(names)
     for before, after in zip(made, again, strict=True):
@@ -139,11 +141,12 @@ def test_a_release_without_truth_in_the_package_is_refused(monkeypatch):
     assert tactilebench.cases("2099.1", seed=0)[0].truth is None
 
 
-@pytest.mark.parametrize("seed", [-1, 1.0, True, "7"])
+@pytest.mark.parametrize("seed", [-1, 1.0, True, "7", np.float64(1), *np.ones(1, dtype=bool)])
 def test_a_seed_is_a_whole_number_from_zero_on(seed):
     with pytest.raises(tactilebench.BenchError, match="let it be a whole number from 0 on"):
         draw("2026.1", seed)
     assert {case.name[-3:] for case in draw("2026.1", 0)} == {"-s0"}
+    assert [case.as_json() for case in draw("2026.1", np.uint8(7))] == [case.as_json() for case in draw("2026.1", 7)]
 
 
 def test_draws_are_uniform_in_the_number_or_in_its_logarithm():
@@ -181,6 +184,16 @@ def test_real_numbers_of_every_kind_are_read(values):
 
 def test_the_reason_why_an_archive_cannot_be_read_is_told(tmp_path):
     (tmp_path / "text").write_text("no archive")
-    for name, words in (("none", "No such file"), ("text", "not a zip file"), (".", "Is a directory")):
+    for name, words in (("none", "No such file"), ("text", "not a zip file")):
         with pytest.raises(tactilebench.BenchError, match=rf"cannot be read: .*{words}.*; write it anew"):
             read_arrays(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["folder", "pipe", "device"])
+def test_what_may_never_end_is_no_file(tmp_path, kind):
+    path = {"folder": tmp_path, "pipe": tmp_path / "pipe", "device": Path("/dev/zero")}[kind]
+    if kind == "pipe":
+        os.mkfifo(path)
+    for read in (read_arrays, lambda place: tactilebench.read_forces(place, [make_case()]), tactilebench.load_truth):
+        with pytest.raises(tactilebench.BenchError, match=f"{path}: is a folder, a device or a pipe; name a file"):
+            read(path)

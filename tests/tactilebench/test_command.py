@@ -107,17 +107,20 @@ def test_the_help_of_a_command_explains_it_and_each_of_its_options(capsys, words
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "cases | template | score"), (["show"], "invalid choice"), (["score"], "file"),
+        ([], "cases | template | score"), (["show"], "invalid choice: 'show'"), (["score"], "file"),
         (["cases", "--tier", "hard"], "invalid choice: 'hard'"), (["cases", "--version", "2031.1"], "invalid choice"),
         (["cases", "--seed", "many"], "invalid int value"), (["cases", "--truth", "x"], "unrecognized arguments"),
         (["score", "x.csv", "--seed", "1"], "unrecognized arguments"),
     ],
 )  # fmt: skip
-def test_a_wrong_word_ends_with_status_two_and_the_usage(capsys, words, said):
+def test_a_wrong_word_ends_with_status_two_and_one_line(capsys, words, said):
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert line.startswith("tactilebench: ")
+    assert re.search(r"; see python -m tactilebench (\w+ )?--help$", line)
 
 
 def test_a_seed_of_no_sense_and_a_tier_without_truth_are_refused_in_one_line(tmp_path, capsys):
@@ -138,6 +141,24 @@ def test_a_reader_that_ends_early_is_no_fault():
         found.stdout.close()
         assert found.stderr.read() == b""
     assert found.returncode == 0
+
+
+def test_nothing_is_printed_to_an_output_that_is_closed(tmp_path):
+    command = f"{sys.executable} -m tactilebench cases --seed 1 >&-"
+    found = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)  # noqa: S603, S607
+    assert found.returncode == 2
+    assert found.stderr == "tactilebench: standard output is closed, and nothing was printed; open it\n"
+
+
+@pytest.mark.parametrize("place", ["file", "truth"])
+def test_a_file_that_is_read_is_not_replaced_by_its_scores(tmp_path, capsys, monkeypatch, place):
+    monkeypatch.chdir(tmp_path)
+    for name in ("file", "truth"):
+        Path(name).write_text(name)
+    assert main(["score", "file", "--truth", "truth", "--json", str(tmp_path / place)]) == 2
+    said = capsys.readouterr()
+    assert said.err == f"tactilebench: --json: {tmp_path / place} is also read; name another file for the scores\n"
+    assert Path(place).read_text() == place
 
 
 def test_a_text_ends_with_one_line_break(capsys):
@@ -212,6 +233,11 @@ def read(tmp_path, lines):
         ([HEAD, *ROWS[:-1]], "moving-000 lacks 1 of 3 values, the first at instant 2 outside; add them"),
         ([HEAD, *ROWS[:-4], *ROWS[-3:]], "moving-000 lacks 1 of 18 values, the first at instant 2, texel 5; add them"),
         (["# tactilebench 2026.1", "# by tactilebench 2025.1", HEAD, *ROWS], "version 2025.1, not 2026.1"),
+        (["# tactilebench v2025.12.1", HEAD, *ROWS], "version 2025.12.1, not 2026.1"),
+        ([HEAD, *ROWS[1:], "linear-000,0,0,1_0"], "texel '0', force_n '1_0'; texel and instant must be whole numbers"),
+        ([HEAD, *ROWS[1:], "linear-000,0,\u0660,1"], "instant '0', texel '\u0660', force_n '1'; texel and"),
+        ([HEAD, *ROWS[1:], 'linear-000,0,0,"0,5"'], "force_n '0,5'; texel and instant must be whole numbers"),
+        ([HEAD, *ROWS[1:], "linear-000,0,0"], "force_n None; texel and instant must be whole numbers"),
         ([HEAD, *ROWS, ",,,"], "case '' is unknown here"),
         ([HEAD, *ROWS, "moving-1.5,0,0,1"], "'moving-1.5' is unknown"),
         ([HEAD, *ROWS, "nothing-000,0,0,1"], "'nothing-000' is unknown"),
@@ -229,7 +255,8 @@ def test_a_row_at_fault_is_named_with_its_line(tmp_path, lines, words):
 def test_every_number_comes_to_its_texel_and_instant(tmp_path):
     expected = np.arange(3)[:, None] + np.arange(6) / 10
     for lines in (
-        [HEAD, *ROWS], ["# by hand", "# tactilebench 2026.1", " case , instant, texel ,force_n", *ROWS[::-1]],
+        [HEAD, *ROWS],
+        ["# by engine 2024.3 on 2025.11", "# tactilebench v2026.1", " case , instant, texel ,force_n", *ROWS[::-1]],
         [HEAD, *(row.replace(",", " , ") for row in ROWS), "foil-000,0,0,1", "two_bodies-000,0,0,much"],
     ):  # fmt: skip
         forces, outside = read(tmp_path, lines)
@@ -258,6 +285,24 @@ def test_a_file_beyond_the_largest_size_is_refused_and_one_of_it_is_read(tmp_pat
     monkeypatch.setattr(files, "LARGEST", size - 1)
     with pytest.raises(tactilebench.BenchError, match=rf"has {size} bytes" if kind == "csv" else "hold more than"):
         files.read_forces(path, [REST, SLIDE])
+
+
+@pytest.mark.parametrize(("text", "fits"), [("2026.1", True), ("v2026.1", True), (2026.1, True), (["2026.1"], True),
+                                            ("2025.1", False), (2026, False), ("the last one", False)])  # fmt: skip
+def test_an_archive_names_the_version_as_text_or_number(tmp_path, text, fits):
+    np.savez(tmp_path / "mine.npz", version=text, **{"linear-000": np.ones(6)})
+    if fits:
+        assert set(files.read_forces(tmp_path / "mine.npz", [REST])[0]) == {"linear-000"}
+        return
+    with pytest.raises(tactilebench.BenchError, match=f"was written for version {text}, not 2026.1"):
+        files.read_forces(tmp_path / "mine.npz", [REST])
+
+
+def test_a_long_name_is_told_by_its_ends(tmp_path):
+    for row in (f"{'a' * 9000}b,0,0,1", f"linear-000,0,0,{'9' * 9000}x"):
+        with pytest.raises(tactilebench.BenchError) as caught:
+            read(tmp_path, [HEAD, row])
+        assert len(str(caught.value)) < 400 + len(str(tmp_path))
 
 
 def test_an_archive_holds_forces_on_texels_and_beyond_them(tmp_path):

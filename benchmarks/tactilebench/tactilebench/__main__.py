@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from tactilebench.case import BenchError, Case, cases, load_truth
 from tactilebench.draw import RELEASES, TIERS
@@ -28,6 +28,12 @@ be written.
 """
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """End with one line about words that are wrong, without the usage."""
+        self.exit(2, f"tactilebench: {message}; see {self.prog} --help\n")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command, and return its exit status: 2 after a line about bad input, else 0."""
     options = _parse(arguments)
@@ -43,6 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def show(text: str) -> int:
     """Print a text, and return the exit status: 2 after a line about an output that cannot be written, else 0."""
+    if sys.stdout is None:  # closed before the start
+        print("tactilebench: standard output is closed, and nothing was printed; open it", file=sys.stderr)
+        return 2
     try:
         print(text, flush=True)
     except OSError as error:
@@ -54,7 +63,7 @@ def show(text: str) -> int:
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="python -m tactilebench", description="Score forces on the texels of tactile arrays against a truth.",
         epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
@@ -83,6 +92,9 @@ def _run(options: argparse.Namespace) -> str:
         known = _select(cases(options.version, seed=options.seed) if options.seed is not None else
                         cases(options.version), options.tier)  # fmt: skip
         return "\n".join(map(_describe, known) if options.verb == "cases" else write_template(known))
+    for path in (options.file, options.truth):
+        if None not in (path, options.json) and Path(options.json).resolve() == Path(path).resolve():
+            raise BenchError(f"--json: {options.json} is also read; name another file for the scores")
     known = _select(load_truth(options.truth) if options.truth is not None else cases(options.version), options.tier)
     forces, outside = read_forces(options.file, known)
     result = score(forces, known, outside=outside)

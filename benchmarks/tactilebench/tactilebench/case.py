@@ -268,7 +268,12 @@ def save_truth(path: str | Path, cases: Sequence[Case], *, seed: int | None, mad
     """
     truths = {case.name: case.require_truth() for case in cases}
     entries = [{"name": name, "command": each.command, "digest": each.digest} for name, each in truths.items()]
-    about = {"version": cases[0].version, "seed": seed, "made_by": made_by, "cases": entries}
+    about = {
+        "version": cases[0].version,
+        "seed": None if seed is None else int(seed),
+        "made_by": made_by,
+        "cases": entries,
+    }
     np.savez_compressed(
         path,
         about=np.array(json.dumps(about)),
@@ -303,6 +308,7 @@ def read_arrays(path: str | Path) -> dict[str, npt.NDArray[Any]]:
     Raises:
         BenchError: If the file is damaged, or no npz file.
     """
+    check_file(path)
     try:
         with Path(path).open("rb") as file, zipfile.ZipFile(file):  # numpy takes other files for pickles
             pass
@@ -311,6 +317,16 @@ def read_arrays(path: str | Path) -> dict[str, npt.NDArray[Any]]:
     except Exception as error:  # noqa: BLE001 -- damaged archives raise most kinds of errors, by what is damaged
         why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
         raise BenchError(f"{path}: cannot be read: {why or type(error).__name__}; write it anew") from None
+
+
+def check_file(path: str | Path) -> None:
+    """Check that a path names a file if it names anything.
+
+    Raises:
+        BenchError: If it is a folder, or a device or pipe, which may never end.
+    """
+    if Path(path).exists() and not Path(path).is_file():
+        raise BenchError(f"{path}: is a folder, a device or a pipe; name a file")
 
 
 def as_numbers(place: str, values: npt.ArrayLike) -> FloatArray:

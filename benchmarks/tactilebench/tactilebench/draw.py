@@ -10,6 +10,7 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import Any, TypeVar
 
 import numpy as np
@@ -107,7 +108,7 @@ def draw(version: str, seed: int | None = None) -> tuple[Case, ...]:
     """
     if version not in RELEASES:
         raise BenchError(f"version {version!r} is unknown; this package holds {', '.join(RELEASES)}")
-    if seed is not None and not (type(seed) is int and seed >= 0):
+    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0):
         raise BenchError(f"seed {seed!r}: let it be a whole number from 0 on")
     mark, root = ("", RELEASES[version]) if seed is None else (f"-s{seed}", seed)
     made = []

@@ -5,23 +5,26 @@ from __future__ import annotations
 import csv
 import math
 import re
+import reprlib
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from tactilebench.case import BenchError, Case, FloatArray, as_numbers, read_arrays
+from tactilebench.case import BenchError, Case, FloatArray, as_numbers, check_file, read_arrays
 from tactilebench.draw import TIERS
 
 #: Largest accepted size of a file, and of the arrays in an npz file [bytes].
-LARGEST = 200_000_000
+LARGEST = 20_000_000
 #: Columns of a CSV file; `instant` may be left out for cases without motion.
 COLUMNS = ("case", "instant", "texel", "force_n")
 #: Value of the column `texel` in a row for the force beyond the texels.
 OUTSIDE = "outside"
 
 Forces = dict[str, FloatArray]
+N = TypeVar("N", int, float)
 
 
 def read_forces(path: str | Path, known: Sequence[Case]) -> tuple[Forces, Forces]:
@@ -33,6 +36,7 @@ def read_forces(path: str | Path, known: Sequence[Case]) -> tuple[Forces, Forces
         BenchError: If the file cannot be read, is not whole, or belongs to another version.
     """
     try:
+        check_file(path)
         size = Path(path).stat().st_size
         if not 0 < size <= LARGEST:
             raise BenchError(f"{path}: has {size} bytes; write a file with forces, of at most {LARGEST // 10**6} MB")
@@ -62,7 +66,8 @@ def _read_csv(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
     lines = text.splitlines()
     skipped = 0
     while lines and lines[0].startswith("#"):
-        _check_version(path, lines.pop(0), next(iter(known.values())).version)
+        for found in re.findall(r"tactilebench v?(\d[\d.]*\d)", lines.pop(0)):
+            _check_version(path, found, next(iter(known.values())).version)
         skipped += 1
     rows = csv.DictReader(lines)
     rows.fieldnames = [str(each).strip() for each in rows.fieldnames or ()]
@@ -92,14 +97,17 @@ def _read_csv(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
 def _take_row(place: str, row: Mapping[str, str], forces: FloatArray, outside: FloatArray) -> None:
     """Put the force of a row where it belongs, into forces (t, n) on the texels or (t,) beyond them."""
     try:
-        texel, k, value = row["texel"].strip(), int(row.get("instant") or 0), float(row["force_n"])
-        target, index = (outside, k) if texel == OUTSIDE else (forces[k], int(texel))
+        texel, k, value = row["texel"].strip(), _read(int, row.get("instant") or "0"), _read(float, row["force_n"])
+        target, index = (outside, k) if texel == OUTSIDE else (forces[k], _read(int, texel))
         before = target[index]
     except IndexError:
         counts = f"texels 0..{forces.shape[1] - 1} and instants 0..{forces.shape[0] - 1}"
         raise BenchError(f"{place} has {counts}; count from 0") from None
     except (ValueError, TypeError, AttributeError):
-        raise BenchError(f"{place}: texel and instant must be whole numbers, force_n a number") from None
+        given = ", ".join(f"{name} {reprlib.repr(row[name])}" for name in COLUMNS[1:] if name in row)
+        raise BenchError(
+            f"{place} has {given}; texel and instant must be whole numbers, force_n a number with a decimal point"
+        ) from None
     if min(index, k) < 0 or not math.isfinite(value):
         raise BenchError(
             f"{place}: texel {texel} has force_n {row['force_n']}; it must be finite, and texels count from 0"
@@ -107,6 +115,13 @@ def _take_row(place: str, row: Mapping[str, str], forces: FloatArray, outside: F
     if math.isfinite(before):
         raise BenchError(f"{place} lists texel {texel} twice; keep one of the rows")
     target[index] = value
+
+
+def _read(kind: type[N], text: str) -> N:
+    """Return a text as a number; raise a ValueError for what only Python takes for one, as 1_000."""
+    if "_" in text or not text.isascii():
+        raise ValueError(text)
+    return kind(text)
 
 
 def _read_npz(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
@@ -117,7 +132,8 @@ def _read_npz(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
             raise BenchError(f"{path}: a case is listed twice; keep one of the arrays")
     arrays = read_arrays(path)
     if "version" in arrays:
-        _check_version(path, str(arrays.pop("version")), next(iter(known.values())).version)
+        found = "".join(map(str, np.ravel(arrays.pop("version"))))
+        _check_version(path, found.removeprefix("v"), next(iter(known.values())).version)
     tiers, ends = {case.tier for case in known.values()}, f"/{OUTSIDE}"
     forces: Forces = {}
     outside: Forces = {}
@@ -133,14 +149,15 @@ def _read_npz(path: Path, known: dict[str, Case]) -> tuple[Forces, Forces]:
 def _check_tier(place: str | Path, name: str, tiers: set[str]) -> None:
     """Raise a BenchError if the name of a case that is unknown here is not of another tier."""
     if not (tier := re.match(r"[a-z_]+(?=-\d)", name)) or tier[0] in tiers or tier[0] not in TIERS:
-        raise BenchError(f"{place}: case {name!r} is unknown here; `python -m tactilebench cases` lists the cases")
+        raise BenchError(
+            f"{place}: case {reprlib.repr(name)} is unknown here; `python -m tactilebench cases` lists the cases"
+        )
 
 
-def _check_version(path: Path, text: str, version: str) -> None:
-    """Raise a BenchError if a text names another version of the benchmark."""
-    for found in re.findall(r"\d{4}\.\d+", text):
-        if found != version:
-            raise BenchError(f"{path}: was written for version {found}, not {version}; compute the cases of {version}")
+def _check_version(path: Path, found: str, version: str) -> None:
+    """Raise a BenchError if a file was written for another version of the benchmark."""
+    if found != version:
+        raise BenchError(f"{path}: was written for version {found}, not {version}; compute the cases of {version}")
 
 
 def _refuse_holes(path: Path, forces: Forces) -> None:

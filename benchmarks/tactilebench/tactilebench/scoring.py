@@ -42,7 +42,7 @@ _SUSPECTS = (
     ("in kgf (kilograms)", 1 / 9.80665, 1.1),
     ("negative under pressure", -1.0, 30.0),
 )
-#: Largest sum of forces over the true one that is scored [-], and largest force [N].
+#: Largest sum of forces over the true one, and force over the load of its case, that is scored [-]; largest force [N].
 _MOST, _LARGEST = 30.0, 1e9
 #: Number of bootstrap samples of the cases, and their seed.
 _SAMPLES, _SEED = 2000, 1
@@ -66,7 +66,7 @@ def score(
 
     Raises:
         BenchError: If the forces are not whole: a case is missing or unknown, a shape is wrong, a number is not finite,
-            or all forces seem to have another unit.
+            or forces seem to have another unit.
     """
     known = cases() if known is None else known
     if not known:
@@ -118,9 +118,7 @@ def _check_forces(forces: Mapping[str, npt.ArrayLike], known: Sequence[Case]) ->
         if values.shape not in {case.shape, rows}:
             raise BenchError(f"{case.name}: forces of shape {values.shape}; expected {case.shape} or {rows}")
         found[case.name] = values = values.reshape(case.shape)
-        if (faults := np.argwhere(~(np.abs(values) < _LARGEST))).size:
-            place = f"{f'instant {faults[0][0]}, ' if case.motion else ''}texel {faults[0][-1]}"
-            raise BenchError(f"{case.name}: {place} has {values[tuple(faults[0])]:.4g} N; compute it again")
+        _check_bound(case, values, _LARGEST, "; compute it again")
     ratios = [found[case.name].sum() / case.require_truth().forces.sum() for case in known]
     low, middle, high = np.quantile(ratios, (0.25, 0.5, 0.75)).tolist()
     guesses = []
@@ -132,16 +130,26 @@ def _check_forces(forces: Mapping[str, npt.ArrayLike], known: Sequence[Case]) ->
         raise BenchError(
             f"the forces are {middle:.4g} times the true ones{''.join(guesses)}; give newtons, positive under pressure"
         )
+    for case in known:
+        _check_bound(case, found[case.name], _MOST * case.load, f", {_MOST:g} times the load and more; give newtons")
     return found
+
+
+def _check_bound(case: Case, forces: FloatArray, bound: float, remedy: str) -> None:
+    """Raise a BenchError with the place of a force that is not finite or beyond a bound [N]."""
+    if (faults := np.argwhere(~(np.abs(forces) <= bound))).size:
+        place = f"{f'instant {faults[0][0]}, ' if case.motion else ''}texel {faults[0][-1]}"
+        raise BenchError(f"{case.name}: {place} has {forces[tuple(faults[0])]:.4g} N{remedy}")
 
 
 def _score_case(case: Case, forces: FloatArray, outside: FloatArray | None) -> dict[str, Any]:
     """Score the instants of a case, and average them."""
     truth = case.require_truth()
     given = truth.outside if outside is None else outside
-    if given.shape != truth.outside.shape or not np.isfinite(given).all():
+    if given.shape != truth.outside.shape or not (np.abs(given) <= _MOST * case.load).all():
         raise BenchError(
-            f"{case.name}: the force outside must be finite, one number for each of {len(case.loads)} instants"
+            f"{case.name}: the force outside must be one number for each of {len(case.loads)} instants [N], finite and "
+            f"at most {_MOST:g} times the load"
         )
     count = len(case.loads)
     frames = [each.reshape(count, -1) for each in (truth.forces, truth.half_width, forces)]

@@ -207,11 +207,27 @@ def test_a_sensor_that_never_saturates_has_no_range_of_loads(bonded):
         find_loads(dataclasses.replace(PARAMETERS, electronics=electronics), response)
 
 
+def test_a_range_begins_where_the_dead_zone_ends_if_that_is_above_a_tenth_of_it(bonded, monkeypatch):
+    # counts = 1000 F - 500: the first count at 0.5005 N, the last at 1.5 N
+    electronics = dataclasses.replace(
+        PARAMETERS.electronics, sensitivity=1000.0, offset=-500.0, output_max=1000, bits=12, tip_share=1.0
+    )
+    parameters = dataclasses.replace(PARAMETERS, electronics=electronics)
+    response = tabulate_texel_response(bonded(0.45), PARAMETERS.array.texel_size)
+    share = float(response(np.zeros(1), np.zeros(1))[0])
+    low, high = find_loads(parameters, response)
+    assert (share * low, share * high) == (pytest.approx(0.5005, rel=2e-3), pytest.approx(1.5, rel=2e-3))
+    found, _ = make_presses_up(monkeypatch, None, array=PARAMETERS.array)
+    assert found.loads == find_loads(PARAMETERS, found.response)
+
+
 def make_presses_up(monkeypatch, loads, *, array=PARAMETERS.array, heard=None):
     """Make the presses of a range without solving them; returns what would be solved."""
     solved = []
 
-    def press(_cover, _array, indenter, *, load, pose, progress):
+    def press(cover, pressed, indenter, *, load, pose, progress):
+        assert (cover, pressed) == (SENSOR.layered_cover, array)
+        progress("a grid")
         solved.append((indenter, load, pose.at))
         return SimpleNamespace(depth=1e-4)
 
@@ -225,12 +241,12 @@ def test_every_body_presses_at_the_ends_of_the_range_and_at_their_geometric_mean
     heard = []
     found, solved = make_presses_up(monkeypatch, (1.0, 4.0), heard=heard)
     shapes = [Sphere(radius=4e-3), "sphere:radius=6mm", "cylinder:radius=3.5mm", "sphere:radius=10mm"]
-    assert [load for _, load, _ in solved] == [1.0, 2.0, 4.0] * 4
+    assert [load for _, load, _ in solved] == [press.scene.case.load for press in found.presses] == [1.0, 2.0, 4.0] * 4
     assert solved[0][0] == shapes[0]
     assert [press.scene.case.shape for press in found.presses[3::3]] == shapes[1:]
     assert solved[0][2] == pytest.approx((0.2 * 3.4e-3, -0.35 * 3.4e-3))
-    assert (found.loads, found.left_out, len(heard)) == ((1.0, 4.0), (), 12)
-    assert heard[1] == "finite elements: sphere:radius=4mm at 2 N"
+    assert (found.loads, found.left_out, len(heard)) == ((1.0, 4.0), (), 24)
+    assert heard[2:4] == ["finite elements: sphere:radius=4mm at 2 N", "a grid"]
     response = tabulate_texel_response(SENSOR.layered_cover, PARAMETERS.array.texel_size)
     at = np.array([0.0, 1e-3]), np.array([2e-3, 0.0])
     np.testing.assert_allclose(found.response(*at), response(*at))
