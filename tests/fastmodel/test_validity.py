@@ -108,7 +108,7 @@ def test_a_radius_or_largest_load_of_zero_is_refused(name):
 @pytest.mark.parametrize(("share", "told"), [(0.9e-3, False), (1e-3, False), (1.1e-3, True)])
 def test_a_thousandth_of_the_force_on_the_outermost_cells_reaches_the_end_of_a_plate(share, told):
     contact = reading(at_end=share)
-    assert goes_on(contact) == told
+    assert goes_on(share) == told
     assert describe_limits(contact, None) == (describe_end(contact),) * told
 
 
