@@ -109,7 +109,7 @@ def test_a_radius_or_largest_load_of_zero_is_refused(name):
 def test_a_thousandth_of_the_force_on_the_outermost_cells_reaches_the_end_of_a_plate(share, told):
     contact = reading(at_end=share)
     assert goes_on(share) == told
-    assert describe_limits(contact, None) == (describe_end(contact),) * told
+    assert describe_limits(contact, None) == (describe_end(share),) * told
 
 
 def test_all_that_is_known_to_be_wrong_is_told_at_once():
