@@ -1,10 +1,10 @@
 """The command of tactilebench: what it prints about cases and scores, its options, its files, and its exit status."""
 
 import json
+import os
 import re
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -174,12 +174,16 @@ def perfect(tmp_path):
     return ["score", str(tmp_path / "mine.npz"), "--tier", "foil", "--json"]
 
 
-def test_scores_are_written_whole_beside_their_place_and_replace_what_was_there(tmp_path, perfect, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "no folder"))
+def test_scores_replace_what_was_there_and_others_may_read_them(tmp_path, perfect):
     (tmp_path / "out").mkdir()
     out = tmp_path / "out" / "scores.json"
     out.write_text("before")
-    assert main([*perfect, str(out)]) == 0
+    before = os.umask(0o027)
+    try:
+        assert main([*perfect, str(out)]) == 0
+    finally:
+        os.umask(before)
+    assert out.stat().st_mode & 0o777 == 0o640
     assert json.loads(out.read_text())["overall"]["misplaced_force"]["value"] == 0
     assert list(out.parent.iterdir()) == [out]
 

@@ -6,8 +6,8 @@ import argparse
 import io
 import json
 import os
+import secrets
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -149,15 +149,14 @@ def _write(path: Path, text: str) -> None:
     """Write a file completely or not at all."""
     if path.exists() and not path.is_file():
         raise BenchError(f"--json: {path} is a folder, a device or a pipe, which is not replaced; name a file")
+    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
+            with part.open("x", encoding="utf-8") as file:
                 file.write(text)
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
     except OSError as error:
         raise BenchError(f"--json: {path} cannot be written: {error.strerror}") from None
 
