@@ -14,8 +14,11 @@ import numpy as np
 BEYOND = 3
 #: Coefficients of 1, u, u^2 and u^3 in the four cubic B-splines around a point u of 0..1 in its step.
 _SPLINES = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6
-#: Standard deviation of the ellipticities of a touch of unknown shape [-].
-_OVAL = 0.5
+#: Standard deviation of the ellipticities of a touch of unknown shape, and their largest length: that of a line, beyond
+#: which a variance of the pressure is negative [-].
+_OVAL, LINE = 0.5, 1.0
+#: Steps in which ellipticities are brought back to that length [-].
+_SHORTENED = 8
 #: Passes in which dark and saturated texels that the forces contradict join the least squares [-].
 _PASSES = 3
 #: Arguments beyond which the logarithm of the normal distribution is 0, and its series [-].
@@ -115,19 +118,44 @@ def _combine(linear, shares, forces):
 
 
 @numba.njit(cache=True)
-def _solve(shares, texels, noise, most, linear, root, weight, residual):
-    """Fill linear parameters (3,), the root of their precision (3, 3), and deviations of texels (s,) at one place."""
-    target, known, sign = texels[0], texels[1], texels[2]
-    weight[:], linear[0] = known, most / 2
-    for _ in range(_PASSES):
-        oval = (_OVAL * max(linear[0], 1e-3 * most)) ** -2
-        _add(shares, target, weight, root, linear)
+def _bound(normal, right, most, linear, root):
+    """Solve normal equations (3, 3) for a force of 0 to `most` and ellipticities up to those of a line.
+
+    Fills the linear parameters (3,), whose first value is the last force, and the root of their precision (3, 3).
+    Beyond a line, the precision of the ellipticities grows until they fit (More and Sorensen, Computing a trust region
+    step, 1983).
+    """
+    oval = (_OVAL * max(linear[0], 1e-3 * most)) ** -2
+    for _ in range(_SHORTENED):
+        root[:], linear[:] = normal, right
         root[0, 0] += 12 / most**2
         root[1, 1] += oval
         root[2, 2] += oval
         linear[0] += 6 / most
         _factor(root, linear)
         linear[0] = min(max(linear[0], 0.0), most)
+        longest, square = LINE * max(linear[0], 1e-3 * most), linear[1] ** 2 + linear[2] ** 2
+        if square <= (1.01 * longest) ** 2:
+            break
+        first = linear[1] / root[1, 1]
+        second = (linear[2] - root[2, 1] * first) / root[2, 2]
+        oval += square / (first**2 + second**2) * (math.sqrt(square) / longest - 1)
+    shorter = min(1.0, LINE * linear[0] / max(math.sqrt(square), _TINY))
+    linear[1] *= shorter
+    linear[2] *= shorter
+
+
+@numba.njit(cache=True)
+def _solve(shares, texels, noise, most, power, linear, root, weight, residual):
+    """Fill linear parameters (3,), the root of their precision (3, 3), and deviations of texels (s,) at one place."""
+    target, known, sign = texels[0], texels[1], texels[2]
+    normal, right = np.zeros((3, 3)), np.zeros(3)
+    weight[:], linear[0] = known, most / 2
+    for _ in range(_PASSES):
+        _add(shares, target, weight, normal, right)
+        normal *= power
+        right *= power
+        _bound(normal, right, most, linear, root)
         _combine(linear, shares, residual)
         same = linear[1] == 0
         for k in range(len(target)):
@@ -160,7 +188,7 @@ def _judge(forces, texels, noise):
 
 
 @numba.njit(cache=True)
-def fit_touches(chart, texels, noise, most, places, radii, more):
+def fit_touches(chart, texels, noise, most, power, places, radii, more):
     """Fit linear parameters of touches at m places: the force, and the force times two ellipticities.
 
     Args:
@@ -170,6 +198,7 @@ def fit_touches(chart, texels, noise, most, places, radii, more):
             shape (4, s).
         noise: Standard deviation of the noise [N].
         most: Largest force [N].
+        power: Power of the likelihood beside the prior [-].
         places: Places, shape (m, 2) [m].
         radii: Radii, shape (m,) [m].
         more: Steps away from the least squares in standard deviations, shape (m, 3); overwritten.
@@ -184,7 +213,7 @@ def fit_touches(chart, texels, noise, most, places, radii, more):
     residual, forces = np.empty((len(more), wide)), np.empty((len(more), wide))
     for point in range(len(more)):
         found = linear[point]
-        _solve(shares[point], texels, noise, most, found, root, weight, residual[point])
+        _solve(shares[point], texels, noise, most, power, found, root, weight, residual[point])
         _turn(root, more[point])
         found += more[point]
         logs[point, 0] = -math.log(root[0, 0])

@@ -17,7 +17,7 @@ from meshes.array_types import FloatArray
 from validation.resolution.channel import Channel, Reading, find_channel, say_noise
 from validation.resolution.chart import Chart, make_chart
 from validation.resolution.frames import BELOW_ZERO, Frames
-from validation.resolution.posterior import Posterior, Search
+from validation.resolution.posterior import Posterior, Search, pool
 from validation.resolution.touches import Touches, find_touches
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
@@ -31,8 +31,8 @@ _LIT = 3
 #: Force on a texel over the standard deviation of its noise, below which it is left out [-].
 _LEFT_OUT = 0.5
 #: Share of the largest response around a texel from which a lit texel belongs to a touch there, and rounds in which
-#: several touches are found in turn [-].
-_REACHED, _SWEEPS = 0.02, 3
+#: several touches are found in turn, first the most likely ones, then points of their posterior [-].
+_REACHED, _SWEEPS, _DRAWN_SWEEPS = 0.02, 3, 4
 #: Largest deviation of texels from the touches, over their forces, of a frame that is explained [-].
 _EXPLAINED = 0.1
 #: Distance of two touches over the pitch, below which they may be one [-].
@@ -153,8 +153,8 @@ class Located(Result):
         atomic_file.replace(path, [text.getvalue().encode()])
 
 
-def _sum_forces(parts: list[Posterior]) -> FloatArray:
-    return np.asarray(np.sum([part.explained for part in parts], axis=0))
+def _sum_forces(searches: list[Search]) -> FloatArray:
+    return np.asarray(np.sum([search.explained for search in searches], axis=0))
 
 
 @dataclass(kw_only=True, eq=False)
@@ -199,30 +199,49 @@ class Locator:
             return LocatedFrame(time=time, words=("negative forces",))
         if level.max() < max(_REST * self.channel.spread, 0.0):
             return LocatedFrame(time=time, words=("at rest",))
-        parts = self._fit(reading, level, [int(np.argmax(level))])
+        searches = self._fit(reading, level, [int(np.argmax(level))])
         words: tuple[str, ...] = ()
-        while len(parts) < count:
+        while len(searches) < count:
             noise = _REST * self.channel.spread
-            rest = np.where(level > noise, level - _sum_forces(parts), 0.0)
-            texels = [*(part.search.chart.texel for part in parts), int(np.argmax(rest))]
-            more = self._fit(reading, level, texels) if rest.max() > noise else parts
-            if more is parts or not self._is_better(reading, more, parts):
+            rest = np.where(level > noise, level - _sum_forces(searches), 0.0)
+            texels = [*(search.chart.texel for search in searches), int(np.argmax(rest))]
+            more = self._fit(reading, level, texels) if rest.max() > noise else searches
+            if more is searches or not self._is_better(reading, more, searches):
                 words = (f"{count} touches are not told apart",)
                 break
-            parts = more
-        return self._describe(reading, level, parts, time, words)
+            searches = more
+        return self._describe(reading, level, searches, time, words)
 
-    def _fit(self, reading: Reading, level: FloatArray, texels: list[int]) -> list[Posterior]:
+    def _fit(self, reading: Reading, level: FloatArray, texels: list[int]) -> list[Search]:
         """Find touches around some texels, each in turn with the force of the others taken off."""
         forces = np.zeros((len(texels), len(level)))
-        parts: list[Posterior] = []
+        searches: list[Search] = []
         for _ in range(_SWEEPS if len(texels) > 1 else 1):
-            parts = []
+            searches = []
             for number, texel in enumerate(texels):
                 others = np.delete(forces, number, axis=0).sum(axis=0)
-                parts.append(self._search(reading, level - others, self.chart(texel), others).sample())
-                forces[number] = parts[-1].explained
-        return parts
+                searches.append(self._search(reading, level - others, self.chart(texel), others))
+                forces[number] = searches[-1].explained
+        return searches
+
+    def _sample(self, reading: Reading, level: FloatArray, searches: list[Search]) -> list[Posterior]:
+        """Draw from the posterior of touches, of several in turn beside drawn points of the others.
+
+        This is Gibbs sampling of whole touches (Geman and Geman, Stochastic relaxation, 1984), from the most likely
+        ones on; all points of each round count.
+        """
+        if len(searches) == 1:
+            return [searches[0].sample()]
+        forces, rng = np.array([search.explained for search in searches]), np.random.default_rng(0)
+        rounds: list[list[Posterior]] = []
+        for _ in range(_DRAWN_SWEEPS):
+            rounds.append([])
+            for number, search in enumerate(searches):
+                others = np.delete(forces, number, axis=0).sum(axis=0)
+                part = self._search(reading, level - others, search.chart, others).sample()
+                forces[number] = part.texels[rng.choice(len(part.weights), p=part.weights)]
+                rounds[-1].append(part)
+        return [pool(list(parts)) for parts in zip(*rounds, strict=True)]
 
     def _search(self, reading: Reading, level: FloatArray, chart: Chart, others: FloatArray) -> Search:
         top, most = float(self.channel.edges[-2].max()), np.zeros(len(level))
@@ -236,20 +255,20 @@ class Locator:
         most_force = max(limit, 2 * total, self.channel.noise)
         return Search(chart=chart, channel=self.channel, reading=reading, seen=seen, most=most_force, others=others)
 
-    def _is_better(self, reading: Reading, more: list[Posterior], parts: list[Posterior]) -> bool:
+    def _is_better(self, reading: Reading, more: list[Search], searches: list[Search]) -> bool:
         """Return whether further touches explain a frame better than noise and the misfit would let expect."""
-        seen = np.unique(np.concatenate([part.search.seen for part in (*more, *parts)]))
-        forces = np.array([_sum_forces(each)[seen] for each in (more, parts)])
+        seen = np.unique(np.concatenate([search.seen for search in (*more, *searches)]))
+        forces = np.array([_sum_forces(each)[seen] for each in (more, searches)])
         better, worse = self.channel.log_likelihood(reading, forces, seen)[0]
-        scale = max(1.0, *(part.misfit / max(part.search.free, 1) for part in more))
-        return bool(2 * (better - worse) > scale * chi2.isf(_CHANCE, more[0].search.size))
+        scale = max(1.0, *(search.misfit / max(search.free, 1) for search in more))
+        return bool(2 * (better - worse) > scale * chi2.isf(_CHANCE, more[0].size))
 
     def _describe(
-        self, reading: Reading, level: FloatArray, parts: list[Posterior], time: float, words: tuple[str, ...]
+        self, reading: Reading, level: FloatArray, searches: list[Search], time: float, words: tuple[str, ...]
     ) -> LocatedFrame:
         touches = []
-        for part in parts:
-            texel = part.search.chart.texel
+        for search, part in zip(searches, self._sample(reading, level, searches), strict=True):
+            texel = search.chart.texel
             points = self.touches.origins[texel] + part.places @ self.touches.axes[texel]
             mean, low, high = part.summarise(np.column_stack([points, part.forces, part.radii]))
             lift = self.touches.project(mean[None, :3])[0] - mean[:3]
@@ -259,9 +278,9 @@ class Locator:
             touches.append(LocatedTouch(x=x, y=y, z=z, force=force, radius=radius))
         full, tells = np.isposinf(reading.high[0]), np.isfinite(reading.low[0])
         lit = tells & ~full & (level > _REST * self.channel.spread)
-        apart = self._contradict(reading, level, _sum_forces(parts))
+        apart = self._contradict(reading, level, _sum_forces(searches))
         share = float(np.linalg.norm(apart) / max(float(np.linalg.norm(level[lit | tells & full])), 1e-300))
-        free = max(int((lit | (apart != 0)).sum()) - sum(part.search.size for part in parts), 1)
+        free = max(int((lit | (apart != 0)).sum()) - sum(search.size for search in searches), 1)
         if share > _EXPLAINED and ((apart / self.channel.spread) ** 2).sum() > chi2.isf(_CHANCE, free):
             words = (*words, f"not explained by {len(touches)} touch{'es' if len(touches) > 1 else ''}")
         places = np.array([[touch.x.value, touch.y.value, touch.z.value] for touch in touches])

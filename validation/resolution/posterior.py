@@ -20,7 +20,7 @@ from scipy.stats import qmc
 from meshes.array_types import FloatArray, IntArray
 from validation.resolution.channel import Channel, Reading
 from validation.resolution.chart import Chart
-from validation.resolution.kernel import fit_touches
+from validation.resolution.kernel import LINE, fit_touches
 from validation.resolution.mixture import TAILS, WIDENED, draw_mixture, find_clusters, raise_power, weigh
 
 #: Points as powers of two: of the first look, less the parameters, of a round, and of the result; most rounds [-].
@@ -39,22 +39,18 @@ class Posterior(NamedTuple):
     """Points drawn from the posterior of a touch.
 
     Attributes:
-        search: The frame, and the touches that may have made it.
         places: Place from the point above the texel of the chart, shape (m, 2) [m].
         radii: Radius, shape (m,) [m].
         forces: Force, shape (m,) [N].
+        texels: Force on each texel, shape (m, n) [N].
         weights: Weights, whose sum is one, shape (m,) [-].
-        misfit: Sum of squared deviations of lit texels from the most likely touch, over their variance [-].
-        explained: Texel forces of the most likely touch, shape (n,) [N].
     """
 
-    search: Search
     places: FloatArray
     radii: FloatArray
     forces: FloatArray
+    texels: FloatArray
     weights: FloatArray
-    misfit: float
-    explained: FloatArray
 
     def summarise(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the mean and the quantiles 2.5 % and 97.5 % of values (m, k), shape (k,) each."""
@@ -64,6 +60,12 @@ class Posterior(NamedTuple):
             np.interp([0.025, 0.975], total[:, k], values[order[:, k], k]) for k in range(values.shape[1])
         ])  # fmt: skip
         return values[0] + self.weights @ (values - values[0]), low, high
+
+
+def pool(parts: list[Posterior]) -> Posterior:
+    """Return several posteriors of a touch as one."""
+    columns = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return Posterior(*columns)._replace(weights=np.concatenate([part.weights for part in parts]) / len(parts))
 
 
 class Drawn(NamedTuple):
@@ -150,16 +152,24 @@ class Search:
         """Number of lit texels less that of the parameters [-]."""
         return int((self._texels[1] > 0).sum()) - self.size
 
+    @property
+    def misfit(self) -> float:
+        """Sum of squared deviations of lit texels from the most likely touch, over their variance [-]."""
+        return float((self._settled[2].residual[0] ** 2).sum())
+
+    @property
+    def explained(self) -> FloatArray:
+        """Texel forces of the most likely touch, shape (n,) [N]."""
+        return np.asarray(self._spread(self._settled[2].forces[:1])[0])
+
     def sample(self) -> Posterior:
         """Draw points of the posterior.
 
         The likelihood is raised to one over the misfit per degree of freedom, at most 1 (Birge, Physical Review 40,
         1932), or less: a frame that is explained less well than the noise lets expect tells less.
         """
-        best, root, fit = self._settle()
-        misfit, explained = float((fit.residual[0] ** 2).sum()), np.zeros(len(self.others))
-        explained[self.seen] = fit.forces[0]
-        power = min(1.0, self.free / misfit) if self.free > 0 and misfit > 0 else 1.0
+        best, root, _ = self._settled
+        power = min(1.0, self.free / self.misfit) if self.free > 0 and self.misfit > 0 else 1.0
         power /= 1 + _SYSTEMATIC * (1 - power)
         known = self.free > 0  # With fewer lit texels the posterior is never close to normal.
         proposal = Proposal(np.ones(1), best[None], WIDENED / np.sqrt(power) * root[None]) if known else None
@@ -169,12 +179,13 @@ class Search:
             if counted > _SETTLED * len(z):
                 break
             proposal = None if known and not attempt else Proposal(*find_clusters(z, weights))
-        return Posterior(self, fit.places, fit.radii, fit.linear[:, 0], weights, misfit, explained)
+        return Posterior(fit.places, fit.radii, fit.linear[:, 0], self._spread(fit.forces), weights)
 
     def _adapt(self, power: float) -> Proposal:
         """Follow the likelihood from the prior on, as its power grows."""
         size, raised = self.ends.shape[1], 0.0
-        (z, fit), odds = self._look, np.zeros(1 << _LOOKED + size)
+        z, odds = self._look[0], np.zeros(1 << _LOOKED + size)
+        fit = self._fit(z, power)
         for _ in range(_ROUNDS):
             likely = fit.logs[:, 1] + fit.logs[:, 0] / power
             raised = raise_power(likely, odds, raised, power, _RAISED * len(z))
@@ -183,7 +194,7 @@ class Search:
             if raised == power and counted > _SETTLED * len(z):
                 break
             z, odds = draw_mixture(*proposal, *_draw(size, _DRAWN))
-            fit = self._fit(z)
+            fit = self._fit(z, power)
         return proposal
 
     def _draw(self, proposal: Proposal, power: float) -> tuple[FloatArray, Fit, FloatArray, float]:
@@ -191,9 +202,11 @@ class Search:
         drawn = _draw(self.size, _LAST)
         z, odds = draw_mixture(*proposal, *drawn)
         more = drawn.normal[:, -self.rows :]
-        fit = self._fit(z, more / np.sqrt(power))
+        fit = self._fit(z, power, more)
         odds = odds + (more**2).sum(axis=1) / 2 + fit.logs[:, 0]
-        odds = np.where((fit.linear[:, 0] >= 0) & (fit.linear[:, 0] <= self.most), odds, -np.inf)
+        force = fit.linear[:, 0]
+        possible = (force >= np.hypot(*fit.linear[:, 1:].T) / LINE) & (force <= self.most)
+        odds = np.where(possible, odds, -np.inf)
         return z, fit, *weigh(power * fit.logs[:, 1] + odds)
 
     @cached_property
@@ -202,7 +215,14 @@ class Search:
         z = _draw(self.ends.shape[1], _LOOKED + self.ends.shape[1]).normal
         return z, self._fit(z)
 
-    def _settle(self) -> tuple[FloatArray, FloatArray, Fit]:
+    def _spread(self, forces: FloatArray) -> FloatArray:
+        """Return forces on the texels that count, shape (m, s), as forces on all of them, shape (m, n) [N]."""
+        found = np.zeros((len(forces), len(self.others)))
+        found[:, self.seen] = forces
+        return found
+
+    @cached_property
+    def _settled(self) -> tuple[FloatArray, FloatArray, Fit]:
         """Find the most likely touch by Newton's method of least squares, a root of the covariance, and the fit."""
         size = self.ends.shape[1]
         z, fit = self._look
@@ -228,15 +248,21 @@ class Search:
             best = last + step
         return last, root, kept
 
-    def _fit(self, z: FloatArray, more: FloatArray | None = None) -> Fit:
-        """Compute the touches at points (m, d), with forces some standard deviations (m, l) away from least squares."""
+    def _fit(self, z: FloatArray, power: float = 1.0, more: FloatArray | None = None) -> Fit:
+        """Compute the touches at points (m, d), with forces some standard deviations (m, l) away from least squares.
+
+        Args:
+            z: The points.
+            power: Power of the likelihood beside the prior of force and shape.
+            more: The standard deviations; None for none.
+        """
         values = self.ends[0] + (self.ends[1] - self.ends[0]) * ndtr(z)
         places = np.ascontiguousarray(values[:, :2])
         radii = values[:, 2].copy() if self.rows > 1 else np.full(len(z), self.chart.radii[0])
         aside = np.zeros((len(z), 3))
         if more is not None:
             aside[:, : self.rows] = more
-        found = fit_touches(self.chart.arrays, self._texels, self.channel.noise, self.most, places, radii, aside)
+        found = fit_touches(self.chart.arrays, self._texels, self.channel.noise, self.most, power, places, radii, aside)
         return Fit(places, radii, *found)
 
     @cached_property

@@ -104,7 +104,7 @@ def test_the_likelihood_of_a_fit_is_that_of_the_counts(touches, counted):
     target, weight = np.where(full, low, high) - width / 2, np.where(lit, 1 / (noise**2 + width**2 / 12), 0.0)
     texels, rng = np.array([target, weight, np.where(full, -1.0, 1.0), np.zeros(30)]), np.random.default_rng(2)
     places, radii = rng.uniform(-0.5, 0.5, (6, 2)) * PITCH, rng.uniform(0, PITCH[0], 6)
-    linear, logs, residual, found = fit_touches(chart.arrays, texels, noise, most, places, radii, np.zeros((6, 3)))
+    linear, logs, residual, found = fit_touches(chart.arrays, texels, noise, most, 1.0, places, radii, np.zeros((6, 3)))
     shares = share_points(chart.arrays, places, radii, 30)
     assert found == pytest.approx((linear[:, None] @ shares)[:, 0], abs=1e-12)
     assert logs[:, 1] == pytest.approx(counted.channel.log_likelihood(reading, found, seen)[0], rel=1e-9)
@@ -112,7 +112,7 @@ def test_the_likelihood_of_a_fit_is_that_of_the_counts(touches, counted):
     heavy = np.where(lit, weight, (texels[2] * apart > 0) / noise**2)
     assert residual == pytest.approx(np.sqrt(heavy) * apart, rel=1e-9, abs=1e-9)
     moved = [
-        fit_touches(chart.arrays, texels, noise, most, places, radii, np.tile(axis, (6, 1)))[0] - linear
+        fit_touches(chart.arrays, texels, noise, most, 1.0, places, radii, np.tile(axis, (6, 1)))[0] - linear
         for axis in np.eye(3)
     ]
     volume = np.log(np.abs(np.linalg.det(np.stack(moved, axis=-1))))
@@ -204,6 +204,8 @@ def test_what_a_frame_does_not_tell_is_said(touches, points, counted):
         pytest.param((1, 4), 9.0, id="saturated, and dark between them"),
         pytest.param((1, 2, 3, 4), 9.0, id="saturated over more than a touch is wide"),
         pytest.param((1, 4), 0.4, id="dark between two lit ones"),
+        pytest.param((1, 3), 0.4, id="one dark between two lit ones"),
+        pytest.param((1, 3), 9.0, id="one dark between two saturated ones"),
     ],
 )
 def test_dark_and_saturated_texels_contradict_a_touch(touches, counted, columns, level):
@@ -218,6 +220,18 @@ def test_dark_and_saturated_texels_contradict_a_touch(touches, counted, columns,
     pair = find(counted, sum(press(touches, [0, 0], 3.0, texel=6 * 6 + each)[0] for each in (0, 5)), count=2)
     assert len(pair.touches) == 2
     assert not any("not explained" in each for each in pair.words)
+
+
+@pytest.mark.parametrize("level", [0.2, 0.9])
+def test_two_lit_texels_with_a_dark_one_between_are_two_touches(touches, counted, level):
+    """An oval touch is no longer than a line, so that none reaches over a dark texel."""
+    row = np.zeros((WTS.array.rows, WTS.array.columns))
+    row[6, [1, 3]] = level
+    wide = Locator(touches=touches, channel=counted.channel, centres=WTS.array.centres, radii=(0.0, PITCH[0]))
+    found = find(wide, row.ravel(), count=2)
+    assert found.words == ("2 texels lit",)
+    places = np.array(sorted((touch.x.value, touch.y.value) for touch in found.touches))
+    assert places == pytest.approx(WTS.array.centres[[37, 39], :2], abs=0.4 * PITCH[0])
 
 
 def test_elongated_touches_are_told_from_round_ones(touches, points):
