@@ -109,6 +109,23 @@ def test_a_load_is_solved_once_where_the_cover_stiffens_as_under_a_disk_of_its_t
     assert len(asked) == passes
 
 
+@pytest.mark.parametrize(("share", "settled"), [(0.975, True), (0.96, False), (1.025, True), (1.04, False)])
+def test_six_depths_are_tried_and_three_percent_of_the_load_are_bridged(share, settled):
+    """A cover that bears the same force at every depth."""
+    load, asked = 1.0, []
+
+    def law(depth):
+        asked.append(depth)
+        return share * load / (STIFFNESS * 2e-3 * depth)
+
+    if settled:
+        assert correct_loads(law, load)
+    else:
+        with pytest.raises(ConvergenceError, match="no depth was found"):
+            correct_loads(law, load)
+    assert len(asked) == 6
+
+
 @dataclass(frozen=True)
 class Fields:
     """Fields that hold their factors alone."""

@@ -12,7 +12,7 @@ import pytest
 
 import fastmodel
 from fem_reference.closed_form.layer import tabulate_texel_response
-from meshes import Pose, Sphere, TexelArray
+from meshes import Cylinder, Pose, Sphere, TexelArray
 from tests.support.rubber import make_cover, stack_layers
 from tests.validation.published.test_simulator_values import SENSOR, Reference, make_scores
 from validation.derivation.contact_range import bear
@@ -263,6 +263,17 @@ def test_a_load_that_a_body_does_not_bear_is_left_out_and_said(monkeypatch):
     assert said.startswith(f"sphere:radius=4mm at {1.05 * least:.3g} N: deeper than")
 
 
+def test_two_bodies_that_bear_a_load_are_enough(monkeypatch):
+    cover = SENSOR.layered_cover
+    shapes = [Sphere(radius=each) for each in (4e-3, 6e-3, 10e-3)] + [Cylinder(radius=3.5e-3)]
+    high = 0.999 * sorted(bear(cover, shape) for shape in shapes)[-2]
+    found, solved = make_presses_up(monkeypatch, (0.99 * high, high))
+    assert len({indenter for indenter, load, _ in solved if load == high}) == 2
+    assert sum(f"at {high:.3g} N" in each for each in found.left_out) >= 2
+    with pytest.raises(InputError, match="under all but the widest body"):
+        make_presses_up(monkeypatch, (0.99 * high, 1.002 * high))
+
+
 def test_bodies_lie_a_tenth_of_a_pitch_inside_of_a_small_array(monkeypatch):
     array = TexelArray.grid(1, 3, (2e-3, 3e-3))
     array = shift(array, 1e-3, 2e-3)
@@ -297,6 +308,28 @@ def test_a_contact_must_cover_twelve_cells(scene, count, refused):
             check_fit(law, row, presses)
     else:
         check_fit(law, row, presses)
+
+
+@pytest.mark.parametrize(
+    ("mean", "change", "refused"),
+    [(0.1, 5e-8, True), (0.1, 2e-7, False), (0.0, 5e-10, True), (0.0, 2e-9, False), (0.1, -5e-8, True)],
+)
+def test_a_value_is_settled_where_twice_it_scores_otherwise(scene, monkeypatch, mean, change, refused):
+    presses, asked = plant(scene, 2.0, 3.0), []
+    law = dataclasses.replace(list_hydroelastic(scene.cover, None)[0], sink=None)
+    row = dataclasses.replace(make_scores("drake", PARAMETERS).rows[0], mean=mean)
+
+    def list_errors(_model, values, _presses):
+        asked.append(values)
+        return [mean + change - 0.01, mean + change + 0.01]
+
+    monkeypatch.setattr(scoring, "list_errors", list_errors)
+    if refused:
+        with pytest.raises(InputError, match="presses from 2 N on do not settle the modulus"):
+            check_fit(law, row, presses)
+    else:
+        check_fit(law, row, presses)
+    assert asked == [row.parameters | {"modulus": 2 * row.parameters["modulus"]}]
 
 
 def test_shapes_that_a_fit_has_not_seen_are_left_out_one_after_the_other(scene, monkeypatch):
@@ -434,6 +467,15 @@ def test_pads_lie_under_the_array_with_their_top_at_zero(shifted):
     band = [float(each) for each in re.findall(r"NarrowBand(?:Inner|Outer) = (\S+)", texts["newton"])]
     assert band == pytest.approx([-2e-3, 2e-3])
     assert f"kh = {3.2e6 / 2e-3:.6g} N/m^3" in texts["newton"]
+
+
+def test_a_middle_that_is_zero_but_for_rounding_is_written_as_zero():
+    parameters = with_array(shift(TexelArray.grid(6, 4, 3e-3), -3e-10, -1e-13))
+    texts = {
+        form: TARGETS[form].write(make_scores(form, parameters), SENSOR, parameters) for form in ("drake", "newton")
+    }
+    assert "<pose>0 0 -0.001 0 0 0</pose>" in texts["drake"]
+    assert "translate = (0, 0, -0.001)" in texts["newton"]
 
 
 def test_kinematic_sensors_have_no_damping_shear_or_twist_and_points_under_the_array(shifted):
