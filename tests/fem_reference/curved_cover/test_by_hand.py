@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
 from fem_reference.curved_cover.penetration import measure_penetration
 from fem_reference.curved_cover.rays import explain_miss, find_first_node, find_touch, measure_gaps
 from fem_reference.curved_cover.responses import (
@@ -294,3 +294,13 @@ def test_unknowns_are_displacements_off_the_base_and_a_pressure_at_each_corner()
     """Of 2 x 1 x 2 hexahedra: 5 x 3 x 5 nodes, 15 of them on the base, and 3 x 2 x 3 corners."""
     mesh = flat_pad(size=(4e-3, 2e-3)).mesh(2e-3, layers=2)
     assert CoverSolid(mesh, make_material(1e6)).unknowns == 3 * (75 - 15) + 18
+
+
+def test_facets_have_four_gauss_points_along_each_side_or_those_of_order_six_on_triangles():
+    """Exact for x^6 y^6, with 4 / 49, and for x^4 y^2, with 4! 2! / 8!; of x^8 Gauss misses 2 / 9 by 0.0116."""
+    place, weight = quadrature(9)
+    assert (place.shape, weight.shape) == ((16, 2), (16,))
+    assert weight @ (place**6).prod(axis=1) == pytest.approx(4 / 49)
+    assert weight @ place[:, 0] ** 8 == pytest.approx(2 * (2 / 9 - 128 / 11025))
+    place, weight = quadrature(6)
+    assert weight @ (place[:, 0] ** 4 * place[:, 1] ** 2) == pytest.approx(24 * 2 / 40320)

@@ -84,3 +84,32 @@ def test_the_error_of_a_texel_is_relative_to_its_force(ball):
         wanted = grid_convergence(on_grids, base.response.sizes) / share
         assert base.estimate_error(place, texel, share) == pytest.approx(wanted, rel=1e-6)
         assert base.estimate_error(place, texel, 0.0) == 0.0
+
+
+@pytest.mark.parametrize(("size", "least"), [(None, 1e-4), ((8e-3, 8e-3), 1.5e-3)])
+@pytest.mark.parametrize(("indenter", "refinement"), [(Sphere(radius=4e-3), 1), (Cylinder(radius=2e-3), 0)])
+def test_each_load_is_solved_on_three_grids_and_a_face_once(size, least, indenter, refinement, monkeypatch):
+    """A face sinks to the thickness and is scaled; the smallest error that is stated is larger near free sides."""
+    asked = []
+
+    def press(path, place, _, cells):
+        asked.append((path.targets, path.control, place, cells))
+        return cells
+
+    monkeypatch.setattr(small_strain, "CELLS", (16, 24, 32, 48))
+    monkeypatch.setattr(small_strain, "respond", lambda cover, place, _: (cover.size, place))
+    monkeypatch.setattr(small_strain, "press_cells", press)
+    monkeypatch.setattr(small_strain, "build_solution", lambda *given: given)
+    monkeypatch.setattr(small_strain, "scale_to_target", lambda *given: given)
+    cover, place = replace(COVER, size=size), Place(array=ARRAY, pose=POSE)
+    path = LoadingPath(cover=cover, indenter=indenter, targets=(0.5, 2.0), control="load")
+    found = study_path(path, place, None, refinement)
+    grids, flat = (16, 24, 32, 48)[refinement : refinement + 3], indenter.is_flat
+    solved = [(cells, indenter, (size, place)) for cells in grids]
+    if flat:
+        assert asked == [((cover.thickness,), "depth", place, cells) for cells in grids]
+        assert found.solutions == [[(each, target, "load") for each in solved] for target in (0.5, 2.0)]
+    else:
+        assert asked == [((target,), "load", place, cells) for target in (0.5, 2.0) for cells in grids]
+        assert found.solutions == [solved, solved]
+    assert (found.least_error, found.most_order, found.extrapolate) == (least, 1.0, flat)
