@@ -19,7 +19,7 @@ from meshes.array_types import FloatArray
 from validation.derivation.base import describe_provenance
 from validation.errors import InputError
 from validation.places import find_middle
-from validation.render.image import Scale, tactile_image
+from validation.render.image import Scale, spell_units, tactile_image
 from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import SensorDescription
 
@@ -111,7 +111,8 @@ class DataSheet:
             for name, *rest in self._rows()
         )
         headings = "".join(f'<th scope="col">{each}</th>' for each in _HEADINGS)
-        return _PAGE.format(title=html.escape(self.title), headings=headings, rows=rows, picture=self.picture)
+        title = html.escape(self.title)
+        return _PAGE.format(title=title, headings=headings, rows=spell_units(rows), picture=self.picture)
 
     def _rows(self) -> list[tuple[str, ...]]:
         return [(entry.name, entry.text, entry.definition, entry.source) for entry in self.entries]
@@ -121,8 +122,13 @@ _HEADINGS = ("quantity", "value", "definition", "source")
 _PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>{title}</title>
-<style>body{{font-family:sans-serif;margin:2em;max-width:70em}}table{{border-collapse:collapse}}
-td,th{{padding:.4em;text-align:left;vertical-align:top;border-bottom:1px solid #ccc}}figure{{margin:1em 0}}</style>
+<style>:root{{color-scheme:light dark}}body{{font-family:sans-serif;margin:2em;max-width:70em}}
+table{{border-collapse:collapse}}figure{{margin:1em 0}}tr{{break-inside:avoid}}
+td,th{{padding:.4em;text-align:left;vertical-align:top;border-bottom:1px solid #8888}}
+@media screen and (max-width:700px){{body{{margin:1em}}thead{{display:none}}
+th,td{{display:block;border:0;padding:.1em 0}}tr{{display:block;border-bottom:1px solid #8888;padding:.5em 0}}
+td:nth-of-type(n+2){{font-size:.85em}}}}
+@media print{{body{{margin:0;font-size:9pt}}}}</style>
 <h1>{title}</h1>
 <figure>{picture}<figcaption>Forces on the texels under a load on one of them, in % of the load</figcaption></figure>
 <table>
@@ -186,7 +192,7 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
         "cover",
         f"{NOT_STATED}: parameters do not describe the cover"
         if layers is None
-        else layers + " (assumed)" * bool(assumed),
+        else layers + " (assumed)" * (bool(assumed) and "assumed" not in layers),
         "elastic layers over the texels, bottom to top",
         "partly assumed, " * bool(part) + (part or "assumed: nobody published it") if assumed else stated,
         {"cover_thickness_m": thickness, "cover_assumed": assumed if layers else None},

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes import Cover
+from validation.places import find_middle
 from validation.render.figure import COLUMN, INDENTER, LAYERS, OUTLINE, PAGE, draw_texels, open_figure, save_figure
 from validation.render.image import LEAST_PULL, Scale, find_outline
 from validation.text.indenter import describe_indenter
@@ -149,11 +150,12 @@ def _draw_images(figure: SubFigure, comparison: Comparison, images: list[tuple[s
             title = "fast model \u2212 finite elements" if group is apart else name
             drawn = draw_texels(panel, array, values, scale, title=title)
             if outline is not None:
-                x, y = ((outline - array.centres[0, :2]) / array.pitch).T
-                panel.fill(x, y, fill=False, edgecolor=OUTLINE, linestyle="--", linewidth=0.9)
+                origin, unit = (0, array.pitch) if array.regular else (find_middle(array), (1e-3, 1e-3))
+                corners = ((outline - array.centres[origin, :2]) / unit).T
+                panel.fill(*corners, fill=False, edgecolor=OUTLINE, linestyle="--", linewidth=0.9)
         pulled = group is forces and any(is_pulled(each) for _, each in shown)
         if group:
-            text = f"{label}; red: pulled, below zero" if pulled else label
+            text = f"{label}\nred: pulled, below zero" if pulled else label
             figure.colorbar(drawn, ax=group, label=text, extend="min" if pulled else "neither")
 
 

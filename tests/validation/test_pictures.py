@@ -1,5 +1,7 @@
 """What the pictures of matplotlib show: every curve, image, label and limit, against what it stands for."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,8 @@ from meshes import TexelArray
 from meshes.catalogue import MATERIALS
 from validation.calibration.calibrate import HoldOut, draw_hold_out
 from validation.material_curve import compute_stress, write_curve
-from validation.render.figure import draw_texels
-from validation.render.image import Scale
+from validation.render.figure import draw_texels, label_lines, open_figure
+from validation.render.image import Scale, spell_units
 
 
 @pytest.fixture
@@ -90,7 +92,7 @@ def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_pat
 
 @pytest.mark.parametrize(("rows", "labels"), [(1, ("texel", "")), (2, ("column", "row"))])
 def test_texels_in_one_row_are_high_enough_to_be_seen(rows, labels):
-    """A curved cover has 60 texels in one row: to scale the image would be a line."""
+    """To scale the image of 60 texels would be a line."""
     from matplotlib.figure import Figure
 
     axes = Figure(figsize=(6, 4)).add_subplot()
@@ -100,3 +102,43 @@ def test_texels_in_one_row_are_high_enough_to_be_seen(rows, labels):
     assert (box.height > 0.5 * box.width) == (rows == 1)
     assert (axes.get_xlabel(), axes.get_ylabel()) == labels
     assert len(axes.get_yticks()) == (0 if rows == 1 else rows)
+
+
+@pytest.mark.parametrize("difference", [False, True])
+def test_texels_off_a_grid_are_drawn_where_they_are(difference):
+    """Three texels of a plane in an angle, in mm about the middle one, which stands first in the list."""
+    from matplotlib.figure import Figure
+
+    grid = TexelArray.grid(1, 3, 2e-3, active=[True, True, False])
+    places = np.array([[0, 0, 0], [3e-3, 1e-3, 0], [-1e-3, 4e-3, 0]])
+    array = dataclasses.replace(grid, centres=places)
+    axes = Figure().add_subplot()
+    drawn = draw_texels(axes, array, np.array([0.5, -0.2, 9.0]), Scale(peak=0.5, difference=difference))
+    middles = np.array([path.vertices[:4].mean(axis=0) for path in drawn.get_paths()])
+    np.testing.assert_allclose(middles - middles[0], 1e3 * places[:, :2], atol=1e-9)
+    np.testing.assert_allclose(np.ma.filled(drawn.get_array(), np.nan), [500, -200, np.nan])
+    assert drawn.get_clim() == (-500 if difference else 0, 500)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("unrolled x [mm]", "unrolled y [mm]")
+
+
+def test_labels_of_iso_lines_stand_on_their_lines_and_inside_the_axes():
+    from matplotlib.figure import Figure
+
+    axes = Figure().add_subplot()
+    x, y = np.linspace(1, 5, 5), np.linspace(2, 4, 3)
+    height = x * (5 - y)[:, None]
+    lines = axes.contour(x, y, height, levels=[1.05, 4, 8, 14.9])  # the first and the last only cut a corner
+    label_lines(axes, lines, fmt="%g")
+    labels = {float(each.get_text()): each.get_position() for each in lines.labelTexts}
+    assert set(labels) == {4, 8}
+    for level, (across, up) in labels.items():
+        assert 1.4 <= across <= 4.6
+        assert 2.2 <= up <= 3.8
+        assert across * (5 - up) == pytest.approx(level, rel=0.03)
+
+
+def test_pictures_and_pages_write_micrometres_with_their_letter(tmp_path):
+    assert spell_units("place [um], 169 um, 3 umbrellas of um") == "place [\u00b5m], 169 \u00b5m, 3 umbrellas of um"
+    with open_figure(tmp_path / "map.svg", height=2, width=2) as figure:
+        figure.add_subplot().set_title("error of place [um]")
+    assert "error of place [\u00b5m]" in (tmp_path / "map.svg").read_text()

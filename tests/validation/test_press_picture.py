@@ -160,4 +160,4 @@ def test_pulled_texels_have_a_colour_that_the_legend_names(comparison, tmp_path,
     np.testing.assert_allclose(slightly, image.cmap(0.0))
     np.testing.assert_allclose(most, image.cmap(1.0))
     labels = [axes.get_ylabel() for axes in above.axes]
-    assert "force on the texel [mN]; red: pulled, below zero" in labels
+    assert "force on the texel [mN]\nred: pulled, below zero" in labels

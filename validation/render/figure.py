@@ -19,11 +19,12 @@ import numpy as np
 from meshes import atomic_file
 from meshes.array_types import FloatArray
 from validation.extras import MissingExtraError
-from validation.render.image import LEAST_PULL, MASKED, PULLED, Scale, unroll
+from validation.render.image import LEAST_PULL, MASKED, PULLED, Scale, spell_units, unroll
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
+    from matplotlib.contour import ContourSet
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
@@ -47,11 +48,14 @@ _STYLE: dict[Any, Any] = {
     "ytick.labelsize": 7, "figure.titlesize": 9, "lines.linewidth": 1.2, "lines.markersize": 4,
     "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
     "ytick.major.width": 0.6, "legend.frameon": False, "text.parse_math": False, "svg.fonttype": "none",
+    "axes.prop_cycle": f"cycler('color', {[COLOURS[each] for each in ('fem', 'fast', 'fit', 'no-spread', 'boxes')]})",
 }  # fmt: skip
 #: Resolution of a figure in pixels [1/inch].
 _DPI = 200
 #: Largest number of marks along one edge of a tactile image [-].
 _MARKS = 7
+#: Least distance of the label of an iso-line from the edges of its axes, over their length [-].
+_MARGIN = 0.1
 
 
 @contextlib.contextmanager
@@ -70,10 +74,13 @@ def open_figure(target: Path | IO[str], *, height: float, width: float = PAGE, *
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     with rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
+        for text in figure.findobj(Text):  # Terminals may lack the letter; pictures do not.
+            text.set_text(spell_units(text.get_text()))
         if not isinstance(target, Path):
             figure.savefig(target, dpi=_DPI, **options)
             return
@@ -101,10 +108,31 @@ def save_figure(path: Path, draw: Callable[[Path], None]) -> tuple[str, ...]:
     return (path.name,)
 
 
-def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str = "") -> AxesImage:
-    """Draw the values of an array as an image in the colours of a scale, row 0 at the bottom; texels are counted.
+def label_lines(axes: Axes, lines: ContourSet, **options: Any) -> None:  # noqa: ANN401
+    """Write its value on each iso-line that has a place for it inside the axes, away from their edges.
 
-    Texels in one row, such as those of a curved cover, are drawn as high as the axes, so that they can be seen.
+    Args:
+        axes: Axes of the lines.
+        lines: The iso-lines.
+        **options: Further options of matplotlib's `clabel`.
+    """
+    places: list[Any] = []
+    inwards = axes.transData + axes.transAxes.inverted()
+    for parts in lines.allsegs:
+        dense = [np.linspace(part[:-1], part[1:], 20).swapaxes(0, 1).reshape(-1, 2) for part in parts if len(part) > 1]
+        inside = [part[(np.abs(inwards.transform(part) - 0.5) < 0.5 - _MARGIN).all(axis=1)] for part in dense]
+        if longest := max(inside, key=len, default=np.empty((0, 2))).tolist():
+            places.append(longest[len(longest) // 2])
+    axes.clabel(lines, manual=places, **options)
+
+
+def draw_texels(
+    axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str = ""
+) -> AxesImage | PolyCollection:
+    """Draw the values of an array in the colours of a scale.
+
+    Texels on a grid are counted, row 0 at the bottom; a single row is as high as the axes, so that it can be seen.
+    Others are squares on the surface, unrolled about the middle texel, in mm.
 
     Args:
         axes: Axes to draw into.
@@ -113,6 +141,7 @@ def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale,
         scale: Colour scale of the image; its factor applies to the values.
         title: Text above the image.
     """
+    from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap
 
     shown = np.where(array.active, scale.factor * np.asarray(values, dtype=np.float64), np.nan)
@@ -120,37 +149,21 @@ def draw_texels(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale,
     peak = scale.factor * scale.peak or 1.0
     if not scale.difference:  # Smaller pulls have the colour of zero.
         shown = np.where(shown < -LEAST_PULL * peak, shown, np.maximum(shown, 0))
+    limits = (-peak if scale.difference else 0.0, peak)
+    if not array.regular:
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(array.texel_size) / 2
+        squares = PolyCollection(list(1e3 * (unroll(array)[:, None] + corners)), edgecolors="white", linewidths=0.3)
+        squares.set(array=shown, cmap=colours, clim=limits)
+        axes.add_collection(squares)
+        axes.autoscale_view()
+        axes.set(title=title, xlabel="unrolled x [mm]", ylabel="unrolled y [mm]", aspect="equal")
+        return squares
     row = array.rows == 1
     drawn = axes.imshow(
         array.image(shown), origin="lower", aspect="auto" if row else array.pitch[1] / array.pitch[0], cmap=colours,
-        vmin=-peak if scale.difference else 0.0, vmax=peak,
+        vmin=limits[0], vmax=limits[1],
     )  # fmt: skip
     for axis, count in ((axes.xaxis, array.columns), (axes.yaxis, array.rows)):
         axis.set_ticks(range(0, count if count > 1 else 0, math.ceil(count / _MARKS)))
     axes.set(title=title, xlabel="texel" if row else "column", ylabel="" if row else "row")
-    return drawn
-
-
-def draw_unrolled(axes: Axes, array: TexelArray, values: FloatArray, scale: Scale, *, title: str) -> PolyCollection:
-    """Draw the values of an array as squares on its surface, unrolled about the middle texel, in mm.
-
-    Args:
-        axes: Axes to draw into.
-        array: The n texels.
-        values: Value of each texel, shape (n,).
-        scale: Colour scale; its factor applies to the values.
-        title: Text above the image.
-    """
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LinearSegmentedColormap
-
-    corners = 1e3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(array.texel_size) / 2
-    drawn = PolyCollection(1e3 * unroll(array)[:, None] + corners, edgecolors="white", linewidths=0.3)
-    drawn.set(cmap=LinearSegmentedColormap.from_list("texels", scale.colours).with_extremes(bad=MASKED))
-    drawn.set(
-        array=np.where(array.active, scale.factor * np.asarray(values), np.nan), clim=(0, scale.factor * scale.peak)
-    )
-    axes.add_collection(drawn)
-    axes.autoscale_view()
-    axes.set(title=title, xlabel="unrolled x [mm]", ylabel="unrolled y [mm]", aspect="equal")
     return drawn

@@ -6,6 +6,7 @@ Row 0, the row of smallest y, is drawn at the bottom; only the drawing is flippe
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -32,6 +33,8 @@ _HIGHEST = 370.0
 _EDGE = 0.94
 #: Font size of the value printed in a texel, over the edge of the square that represents the texel [-].
 _SHARE = 0.36
+#: Micrometres after a number or in brackets.
+_MICROMETRE = re.compile(r"(?<=\d )um\b|(?<=\[)um(?=\])")
 #: Largest number of characters of the value printed in a texel [-].
 _LONGEST = 5
 #: Colours of forces at equal steps from zero to the largest force, with increasing lightness.
@@ -42,6 +45,11 @@ _DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c",
 MASKED = "#e6e6ea"
 #: Colour in figures of texels that the cover pulls, and least pull that is shown and told, over the largest force [-].
 PULLED, LEAST_PULL = "#e8432e", 0.01
+
+
+def spell_units(text: str) -> str:
+    """Write micrometres with their letter, which pictures and pages have and some terminals lack."""
+    return _MICROMETRE.sub("\u00b5m", text)
 
 
 @dataclass(frozen=True, kw_only=True)

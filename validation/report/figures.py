@@ -120,7 +120,7 @@ def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
         for name, values, style, colour in (
             ("finite elements", spread.pressure(radius), "-", COLOURS["fem"]),
             ("exact layer solution", point_response(sensor.layered_cover, radius), ":", COLOURS["exact"]),
-            ("fitted Gaussian", gaussian, "--", COLOURS["fit"]),
+            ("Gaussian fitted to texel forces", gaussian, "--", COLOURS["fit"]),
         ):
             axes.plot(1e3 * radius, 1e-6 * values, style, color=colour, label=name)
         axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm\u00b2]")
@@ -259,6 +259,7 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> None:
     array, cover = derivation.sensor.array, derivation.sensor.cover
     peak = float(derivation.texel_response_uniform.max())
     layers = " + ".join(f"{1e3 * layer.thickness:.3g} mm {layer.material.name}" for layer in cover.layers)
+    layers += " (assumed)" * (cover.assumed and "assumed" not in layers)
     try:
         with open_figure(folder / f"psf.{picture}", height=3.3) as figure:
             *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
@@ -267,6 +268,6 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> None:
             scale = Scale(peak=peak, factor=100)
             drawn = draw_texels(image, array, derivation.texel_response_uniform.ravel(), scale)
             figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
-            figure.suptitle(f"{derivation.sensor.name} under {layers}{' (assumed)' if cover.assumed else ''}")
+            figure.suptitle(f"{derivation.sensor.name} under {layers}")
     except ImportError:
         _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))

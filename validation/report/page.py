@@ -34,7 +34,7 @@ from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
 from validation.moving.results import MovingResult, MovingScore
 from validation.pooling import Pooled
-from validation.render.image import Scale, colour_bar, find_outline, tactile_image
+from validation.render.image import Scale, colour_bar, find_outline, spell_units, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
 from validation.report.figures import (
     Pictures,
@@ -659,6 +659,7 @@ def render_page(template: str, shown: Mapping[str, Any], folder: Path) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    (folder / "index.html").write_text(environment.get_template(template).render(shown), encoding="utf-8")
+    text = spell_units(environment.get_template(template).render(shown))
+    (folder / "index.html").write_text(text, encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())

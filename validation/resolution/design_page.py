@@ -133,6 +133,8 @@ def draw(found: Designs, name: str, axes: tuple[str, ...], figure: Axes) -> None
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.ticker import LogLocator, MaxNLocator
 
+    from validation.render.figure import label_lines
+
     column, middle = NUMBERS[name], found.middle
     fixed = [axis for axis in AXES if axis not in axes]
     chosen = [each for each in found.designs if all(getattr(each, a) == getattr(middle, a) for a in fixed)]
@@ -163,7 +165,6 @@ def draw(found: Designs, name: str, axes: tuple[str, ...], figure: Axes) -> None
     grid = (*places, values.T)
     figure.contourf(*grid, levels=levels, cmap=LinearSegmentedColormap.from_list("maps", _COLOURS))
     lines = figure.contour(*grid, levels=levels, colors=_INK, linewidths=0.7)
-    for label in figure.clabel(lines, fmt="%g", colors=_INK):
-        label.set_clip_on(False)
+    label_lines(figure, lines, fmt="%g", colors=_INK)
     if name == "error_m" and least < (level := FLAT * column.factor * middle.error) < most:
         figure.contour(*grid, levels=[level], colors="#d55e00", linestyles="--")

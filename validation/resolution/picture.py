@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes.solids.texels import tangent_axes
-from validation.render.figure import COLUMN, OUTLINE, draw_texels, draw_unrolled, open_figure
+from validation.render.figure import COLUMN, OUTLINE, draw_texels, open_figure
 from validation.render.image import Scale, unroll
 
 if TYPE_CHECKING:
@@ -31,12 +31,12 @@ def draw_map(found: Limits, array: TexelArray, path: Path) -> None:
         OSError: If the file cannot be written.
     """
     values = np.array([np.nan if each is None else each for each in found.by_texel])
-    scale = Scale(peak=float(np.nanmax(values)), unit="um", factor=1e6)
-    with open_figure(path, width=COLUMN, height=COLUMN) as figure:
+    scale = Scale(peak=float(np.nanmax(values)), unit="\u00b5m", factor=1e6)
+    with open_figure(path, width=COLUMN, height=COLUMN, bbox_inches="tight") as figure:
         axes = figure.subplots()
         title = f"{found.sensor}: error of place per axis\n{found.load:g} N, force known"
         drawn = draw_texels(axes, array, values, scale, title=title)
-        figure.colorbar(drawn, ax=axes, label="um")
+        figure.colorbar(drawn, ax=axes, label="error of place [\u00b5m]")
 
 
 def draw_touches(found: Located, array: TexelArray, frames: Frames, path: Path) -> None:
@@ -57,13 +57,13 @@ def draw_touches(found: Located, array: TexelArray, frames: Frames, path: Path) 
     values[array.active] = frames.values[number]
     scale = Scale(peak=float(values.max()), unit="N" if frames.forces else "counts", factor=1.0)
     frame = found.frames[number]
-    flat = array.regular and array.rows > 1
+    flat = array.regular
     places = (array.centres - array.centres[0])[:, :2] / array.pitch if flat else 1e3 * unroll(array)
     unit = np.array(array.pitch) if flat else np.full(2, 1e-3)
-    with open_figure(path, width=COLUMN, height=COLUMN) as figure:
+    with open_figure(path, width=COLUMN, height=COLUMN, bbox_inches="tight") as figure:
         axes = figure.subplots()
         title = f"{found.sensor}, {frame.time:g} s"
-        drawn = (draw_texels if flat else draw_unrolled)(axes, array, values, scale, title=title)
+        drawn = draw_texels(axes, array, values, scale, title=title)
         for touch in frame.touches:
             ends = [[each.low, each.value, each.high] for each in (touch.x, touch.y, touch.z)]
             low, middle, high = np.transpose(ends)
@@ -72,4 +72,4 @@ def draw_touches(found: Located, array: TexelArray, frames: Frames, path: Path) 
             x, y = places[near] + along @ (middle - array.centres[near]) / unit
             half = np.abs(along) @ (high - low) / 2 / unit
             axes.errorbar(x, y, xerr=half[0], yerr=half[1], fmt="+", color=OUTLINE)
-        figure.colorbar(drawn, ax=axes, label=scale.unit)
+        figure.colorbar(drawn, ax=axes, label=f"force [{scale.unit}]" if frames.forces else scale.unit)

@@ -60,6 +60,10 @@ class _Style:
     intervals: int = 8
     #: Accepted distances of two marks on an edge of the ruled box, up to a factor of a power of ten [-].
     steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
+    #: Least span of an edge or of a scale of colours [mm, kPa or mN].
+    least: float = 1e-9
+    #: Least cosine of the angle between the camera and the normal of a section [-].
+    facing: float = 0.7
     #: Largest length by which a cover may reach out of the ruled box, over the distance of two marks on its edge [-].
     slack: float = 0.1
     #: Fraction of ambient light [-], so large that colours on faces in the shade are readable.
@@ -134,10 +138,12 @@ def write_gltf(scene: CoverScene, path: Path) -> None:
         if scene.surface is None:
             plotter.add_mesh(surface, color=_STYLE.plain)
         else:
-            plotter.add_mesh(surface, scalars="surface", cmap=_STYLE.pressure_map, clim=_find_limits(scene, "surface"))
+            plotter.add_mesh(
+                surface, scalars="surface", cmap=_STYLE.pressure_map, clim=_find_limits(scene, "surface")[:2]
+            )
         if scene.texel_forces is not None:
             bars = make_bars(scene, 1.0)
-            plotter.add_mesh(bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene))
+            plotter.add_mesh(bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene)[:2])
         plotter.export_gltf(str(path), inline_data=True)
 
 
@@ -242,7 +248,12 @@ def _draw_section(plotter: Any, scene: CoverScene) -> None:
     _outline_layers(plotter, grid, scene, normal, _MILLIMETRES * origin)
     place = ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in origin)
     layers = "".join(f"\n{name}" for name in scene.layers[::-1])
-    _finish(plotter, scene, surface, f"\nsection through ({place}) mm{'; from the top:' * bool(layers)}{layers}")
+    text = f"\nsection through ({place}) mm{'; from the top:' * bool(layers)}{layers}"
+    view = _find_view(scene)
+    if scene.touched is not None and view @ normal < _STYLE.facing:  # The plane would be seen from its edge.
+        across = view - (view @ normal) * normal
+        view = _STYLE.facing * normal + np.sqrt(1 - _STYLE.facing**2) * across / np.linalg.norm(across)
+    _finish(plotter, scene, surface, text, view=view)
 
 
 def _outline_layers(plotter: Any, grid: Any, scene: CoverScene, normal: FloatArray, origin: FloatArray) -> None:
@@ -263,9 +274,10 @@ def _draw_texels(plotter: Any, scene: CoverScene) -> None:
         plotter.add_mesh(bars, color="#3a7ca5", show_edges=True)
         text = "\ntexels on the base"
     else:
+        *limits, marks = _find_force_limits(scene)
         plotter.add_mesh(
-            bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene), show_edges=True,
-            scalar_bar_args=_bar("force on the texel [mN]"), edge_color="#808080", line_width=1,
+            bars, scalars="force", cmap=_STYLE.force_map, clim=limits, show_edges=True,
+            scalar_bar_args=_bar("force on the texel [mN]", marks), edge_color="#808080", line_width=1,
             ambient=_STYLE.ambient, diffuse=1 - _STYLE.ambient,
         )  # fmt: skip
         text = f"\n{int(scene.texels.active.sum())} texels, {scene.texel_forces.sum():.4f} N on them"  # type: ignore[union-attr]
@@ -283,10 +295,11 @@ def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours
         plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
         return surface
-    limits, bar, words = _find_limits(scene, name), _bar(getattr(scene, f"{name}_label")), None
+    *limits, marks = _find_limits(scene, name)
+    bar, words = _bar(getattr(scene, f"{name}_label"), marks), None
     if not scene.displacement.any():  # parts of an unloaded cover, with their names at the middles of their colours
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
-        colours, limits, bar["n_labels"] = list(_STYLE.part_colours), (0.5, len(PARTS) + 0.5), 0
+        colours, limits, bar["n_labels"] = list(_STYLE.part_colours), [0.5, len(PARTS) + 0.5], 0
         bar["position_y"] = 0.06  # the names stand below the colours
         words = {float(number): word for number, word in enumerate(PARTS, 1)}
     plotter.add_mesh(
@@ -296,8 +309,19 @@ def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours
     return surface
 
 
-def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: bool = True) -> None:
-    """Add title and ruled edges to a view and place its camera; `height` is whether the edge along z is ruled."""
+def _finish(
+    plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: bool = True, view: FloatArray | None = None
+) -> None:
+    """Add title and ruled edges to a view and place its camera.
+
+    Args:
+        plotter: The plotter, at its view.
+        scene: The scene.
+        shown: The drawn body.
+        text: Title of the view.
+        height: Whether the edge along z is ruled.
+        view: Unit vector from the middle of the scene to the camera, shape (3,) [-]; that of the scene if None.
+    """
     title = plotter.add_text(text, position=(0.01, 0.985), viewport=True, font_size=11, color="black")
     title.prop.justification_vertical = "top"
     bounds, counts = [], []
@@ -318,7 +342,7 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
     for bar in plotter.scalar_bars.values():
         bar.SetVerticalTitleSeparation(_STYLE.apart)
     corners = np.array(list(product(*np.reshape(bounds, (3, 2)))))
-    view = _find_view(scene)
+    view = _find_view(scene) if view is None else view
     up = np.array([0.0, 0.0, 1.0])
     upward = up - (up @ view) * view
     upward /= np.linalg.norm(upward)
@@ -332,7 +356,7 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
 
 def _round_edge(low: float, high: float) -> tuple[float, float, int]:
     """Round the ends of an edge outwards to multiples of a round interval; return them and the number of marks."""
-    least = max(high - low, 1e-9) / _STYLE.intervals
+    least = max(high - low, _STYLE.least) / _STYLE.intervals
     power = 10.0 ** np.floor(np.log10(least))
     step = power * min(each for each in _STYLE.steps if each * power >= least * (1 - 1e-9))
     first, last = np.floor(low / step + _STYLE.slack), np.ceil(high / step - _STYLE.slack)
@@ -377,28 +401,32 @@ def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
     return grid
 
 
-def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:
-    """Find the values that have the first and the last colour of the scale, for the values `name` of a scene."""
+def _find_limits(scene: CoverScene, name: str) -> tuple[float, float, int]:
+    """Find the round values that have the first and the last colour of the scale of values `name`, and its marks."""
     values = getattr(scene, name)
     # No displacement is cut off by the quantile, because displacements are finite everywhere.
     share = 1.0 if getattr(scene, f"{name}_label").startswith("displacement") else _STYLE.highest
     high = float(np.quantile(values[np.abs(values) > 0], share)) if values.any() else 1.0
-    high = max(high, np.finfo(float).tiny)
-    return (_STYLE.decades * high if name == "inside" and scene.logarithmic else 0.0), high
+    high = max(high, _STYLE.least)
+    if name == "inside" and scene.logarithmic:
+        power = 10.0 ** np.floor(np.log10(high))
+        high = power * min(each for each in _STYLE.steps if each * power >= high)
+        return _STYLE.decades * high, high, round(-np.log10(_STYLE.decades)) + 1
+    return _round_edge(0.0, high)
 
 
-def _find_force_limits(scene: CoverScene) -> tuple[float, float]:
-    """Find the texel forces that have the first and the last colour of the scale [mN]."""
+def _find_force_limits(scene: CoverScene) -> tuple[float, float, int]:
+    """Find the round texel forces that have the first and the last colour of the scale [mN], and its marks."""
     forces = np.zeros(1) if scene.texel_forces is None else 1e3 * scene.texel_forces
     low, high = float(forces.min()), float(forces.max())
-    return (0.0 if low > -_STYLE.hardly * high else low), max(high, np.finfo(float).tiny)
+    return _round_edge(0.0 if low > -_STYLE.hardly * high else low, max(high, _STYLE.least))
 
 
-def _bar(title: str) -> dict[str, Any]:
-    """Return the settings of the colour bar at the bottom of a view, as options of pyvista."""
+def _bar(title: str, marks: int) -> dict[str, Any]:
+    """Return the settings of the colour bar at the bottom of a view, and its marks, as options of pyvista."""
     return {
         "title": title, "color": "black", "vertical": False, "position_x": 0.22, "position_y": 0.01, "width": 0.7,
-        "height": 0.11, "n_labels": 5, "fmt": "%.4g", "title_font_size": 22, "label_font_size": 18,
+        "height": 0.11, "n_labels": marks, "fmt": "%.4g", "title_font_size": 22, "label_font_size": 18,
     }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.render.figure import COLOURS, COLUMN, open_figure
+from validation.render.figure import COLOURS, COLUMN, label_lines, open_figure
 from validation.render.table import Cell, Table, number
 from validation.sweeps.cube import Swept
 from validation.sweeps.run import list_versions
@@ -70,7 +70,7 @@ def draw_maps(found: Swept, folder: Path) -> list[str]:
             image = values[:, 0].reshape(found.shape).T
             drawn = plot.contourf(axes[0][1], axes[1][1], image, _LINES)
             if np.ptp(image[np.isfinite(image)]) > 0:
-                plot.clabel(plot.contour(drawn, colors="black", linewidths=0.6), fontsize=6)
+                label_lines(plot, plot.contour(drawn, colors="black", linewidths=0.6), fontsize=6)
             figure.colorbar(drawn, ax=plot, label=unit)
             plot.set(xlabel=labels[0], ylabel=labels[1], title=name)
     return names

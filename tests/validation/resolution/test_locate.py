@@ -315,7 +315,7 @@ def test_a_picture_shows_touches_in_the_units_of_the_frames(touches, tmp_path):
     forces, _ = press(touches, [0.7e-3, 0.2e-3], 0.9)
     WTS.locate(forces, forces=True, noise="5 mN", picture=tmp_path / "flat.svg")
     words, numbers, drawn = read_picture(tmp_path / "flat.svg")
-    assert {"N", "row", "column"} <= set(words)
+    assert {"force [N]", "row", "column"} <= set(words)
     assert any(0 < each <= forces.max() for each in numbers)
     assert max(numbers) <= WTS.array.rows
     assert drawn

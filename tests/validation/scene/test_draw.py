@@ -79,13 +79,19 @@ def describe(renderer):
     )  # fmt: skip
 
 
+def is_round_end(end, highest):
+    """Return whether a scale of colours ends at a number of two digits near the largest value."""
+    return float(f"{end:.2g}") == pytest.approx(end) and 0.95 * highest < end < 1.35 * highest
+
+
 def test_the_surface_is_cut_off_around_the_contact_and_has_the_indenter_over_it_to_scale(views, scene):
     surface = views(scene)[0]
     body, ball = surface.meshes
     np.testing.assert_allclose(body.bounds, (-2, 6, -3, 5, 0, 2 - 0.05), atol=1e-5)
     assert surface.texts == ["block\ncover; to scale"]
     assert (body.name, surface.bars) == ("surface", ["pressure [kPa]"])
-    assert body.limits == pytest.approx((0, np.quantile(scene.surface[1:], 0.999)))
+    assert body.limits[0] == 0
+    assert is_round_end(body.limits[1], np.quantile(scene.surface[1:], 0.999))
     np.testing.assert_allclose(surface.ruled, (-2, 6, -3, 5, 0, 2), atol=1e-9)
     assert surface.marks == (9, 9)
     # a ball of 3 mm stands on the pressed point, lifted by a hundredth of the thickness, cut at 0.35 of the edge
@@ -126,7 +132,9 @@ def test_stresses_of_unlike_layers_have_a_logarithmic_scale(views, scene):
     body = views(uneven)[1].meshes[0]
     high = np.quantile(scene.inside[1:], 0.999)
     assert body.logarithmic
-    assert body.limits == pytest.approx((1e-4 * high, high))
+    assert body.limits[0] == pytest.approx(1e-4 * body.limits[1])
+    assert float(f"{body.limits[1]:.1g}") == pytest.approx(body.limits[1])
+    assert high <= body.limits[1] <= 2.5 * high
 
 
 def test_a_bar_on_each_texel_is_as_high_as_its_force(views, scene):
