@@ -21,9 +21,8 @@ from validation.sensor_file import SensorDescription
 Progress = Callable[[str], None]
 #: Number of circles of point forces of a round touch, and of point forces on each [-].
 _CIRCLES, _AROUND = 4, 8
-#: Step of place and radius in difference quotients over the pitch: of smooth responses, and of those that are
-#: interpolated linearly between the nodes of a mesh [-].
-_SMOOTH, _MESHED = 1e-3, 0.1
+#: Step of place and radius in difference quotients over the pitch [-].
+_STEP = 1e-3
 
 
 class Respond(Protocol):
@@ -49,7 +48,6 @@ class Touches:
         axes: Unit vectors along x and y of the place, tangential to each texel, shape (n, 2, 3) [-].
         pitch: Pitch of the texels along x and y [m].
         respond: Forces on the texels.
-        step: Step in difference quotients [m].
         project: Nearest points on the top to points, both of shape (k, 3) [m].
     """
 
@@ -57,8 +55,12 @@ class Touches:
     axes: FloatArray
     pitch: tuple[float, float]
     respond: Respond
-    step: float
     project: Callable[[FloatArray], FloatArray] = np.asarray
+
+    @property
+    def step(self) -> float:
+        """Step in difference quotients [m]."""
+        return _STEP * min(self.pitch)
 
     def forces(self, texel: int, places: FloatArray, radius: float = 0.0, among: IntArray | None = None) -> FloatArray:
         """Compute the force on m texels per unit force of touches around one of them, shape (k, m) [-].
@@ -144,7 +146,6 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
         axes=np.broadcast_to(np.eye(3)[:2], (len(centres), 2, 3)),
         pitch=array.pitch,
         respond=respond,
-        step=_SMOOTH * min(array.pitch),
     )
 
 
@@ -166,5 +167,4 @@ def _(cover: SolidCover, sensor: SensorDescription, progress: Progress | None = 
         pitch=array.pitch,
         respond=_sum_points(lambda points: grid.at(points, beside=True)[:, active]),
         project=project,
-        step=_MESHED * min(array.pitch),
     )

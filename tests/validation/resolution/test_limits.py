@@ -12,10 +12,12 @@ import validation
 from fastmodel.signal.electronics import Electronics
 from fem_reference.closed_form.layer import tabulate_texel_response
 from meshes import Cover, TexelArray
+from meshes.solids import fingertip, phalanx
 from validation.errors import InputError
 from validation.resolution.channel import Channel, make_channel
 from validation.resolution.limits import Study, find_cell, find_limits, find_place_error, list_limits
 from validation.resolution.touches import find_touches
+from validation.sensor_file import CURVED
 
 WTS = validation.load("wts-0614-34")
 NOISE = 5e-3
@@ -114,6 +116,35 @@ def draw_study(seed):
     return study, rng.uniform(-0.45, 0.45, 2) * study.pitch
 
 
+def draw_curved_study(seed):
+    """Draw a sensor on a cylinder or on a fingertip, with free sides and one coarse mesh, and a place of a touch."""
+    rng = np.random.default_rng(seed)
+    pitch = rng.uniform(2.5e-3, 4e-3)
+    thickness, radius = pitch * rng.uniform(0.6, 1.2), pitch * rng.uniform(2, 5)
+    if seed % 3:
+        size = {"angle": 4 * pitch / radius, "length": 4 * pitch}
+        pad = phalanx(radius=radius, rows=3, columns=3, pitch=pitch, thickness=thickness, **size)
+    else:
+        pad = fingertip(radius=radius / 2, length=2 * pitch, pitch=pitch, thickness=thickness)
+    given = CURVED["phalanx"]
+    rubber = replace(given.cover.layers[0].material, poisson_ratio=rng.uniform(0.3, 0.49))
+    cover = replace(
+        given.cover,
+        layers=(replace(given.cover.layers[0], thickness=thickness, material=rubber),),
+        make=lambda *_: (pad.mesh(thickness / 2, layers=2),),
+        refine=None,
+        _made={},
+    )
+    touches = find_touches(cover, replace(given, array=pad.texels, cover=cover))
+    load = rng.uniform(1, 3)
+    while True:  # until the bound counts; it does not at the rim of the cover
+        texel, place = int(rng.integers(pad.texels.count)), rng.uniform(-0.45, 0.45, 2) * touches.pitch
+        study = Study(touches=touches, channel=Channel(noise=0.3e-3), texel=texel, load=load)
+        errors = np.sqrt(np.diagonal(study.bound(place[None], 2)[0], axis1=1, axis2=2))
+        if study.judge(load * study.respond(place[None]), errors).all():
+            return study, place
+
+
 def estimate(study, place, frames):
     """Estimate x, y and force of simulated frames by least squares; return their deviations from the truth."""
     exact = study.load * study.respond(place[None])[0]
@@ -150,6 +181,12 @@ def test_the_most_likely_place_and_force_reach_the_bound_on_drawn_sensors(seed):
     errors = np.sqrt(np.diagonal(study.bound(place[None], 2)[0], axis1=1, axis2=2))
     assert study.judge(study.load * study.respond(place[None]), errors).all()
     check_likelihood(study, place, 4000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_the_most_likely_place_and_force_reach_the_bound_on_drawn_curved_sensors(seed):
+    check_likelihood(*draw_curved_study(seed), 2000)
 
 
 @pytest.mark.slow
