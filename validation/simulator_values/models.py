@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes import Cover, TexelArray
-from meshes.array_types import FloatArray
+from meshes.array_types import BoolArray, FloatArray
 from validation.errors import InputError
 from validation.published.model import CODE, OWN, PENETRATION, POINTS, Model, Parameter, Values, foundation_stiffness
 from validation.published.rules import PUBLISHED
@@ -110,7 +110,8 @@ def hydroelastic(cover: Cover, spread: str, *, power: bool = False) -> Model:
         if spread == SPREADS[0]:
             texels = scene.layer_shares @ forces
         else:
-            texels = bin_on_texels(scene.array, scene.map.points, forces)
+            kept = find_outside_gaps(scene.array, scene.map.points)
+            texels = bin_on_texels(scene.array, scene.map.points[kept], forces[kept])
         return Forces(texels, scene.load - float(texels.sum()))
 
     return Model(
@@ -121,6 +122,18 @@ def hydroelastic(cover: Cover, spread: str, *, power: bool = False) -> Model:
             "exponent": Parameter(start=1.0, fitted=power),
         },
     )  # fmt: skip
+
+
+def find_outside_gaps(array: TexelArray, points: FloatArray) -> BoolArray:
+    """Find which points do not lie in a gap between texels, shape (m,).
+
+    Args:
+        array: The array, on a regular grid.
+        points: Positions, shape (m, 2) [m].
+    """
+    steps = (points - array.centres[0, :2]) / array.pitch
+    apart = np.abs(steps - np.floor(steps + 0.5))
+    return np.asarray((apart <= (0.5 + _SAME) * np.divide(array.texel_size, array.pitch)).all(axis=1))
 
 
 def mean_modulus(cover: Cover) -> float:

@@ -20,7 +20,7 @@ from validation.errors import InputError
 from validation.published.models import CalibrationPress
 from validation.published.rules import PUBLISHED
 from validation.simulator_models import SCORED
-from validation.simulator_values import export, scoring, targets
+from validation.simulator_values import export, models, scoring, targets
 from validation.simulator_values.models import (
     SPREADS,
     divide,
@@ -102,6 +102,18 @@ def test_behind_the_kernel_a_texel_bears_its_share_and_a_gap_the_rest(oblong, mo
     if size != (2e-3, 3e-3):
         whole = refine(PUBLISHED[model], oblong.cover, dataclasses.replace(array, texel_size=array.pitch), 4)
         assert np.abs(whole.predict(scene, **values).texels / scene.load - shares).max() > 4 * error
+
+
+@pytest.mark.parametrize("size", [(2e-3, 3e-3), (1.4e-3, 2.4e-3), (1.9e-3, 0.6e-3)])
+def test_without_spread_a_texel_bears_what_lies_on_it_alone(oblong, size):
+    array = shift(TexelArray.grid(4, 3, (2e-3, 3e-3), texel_size=size), 0.13e-3, -0.2e-3)
+    scene = dataclasses.replace(oblong, array=array)
+    _, forces = models.press_hydroelastic(scene, modulus=2e5, exponent=1.0)
+    on = [(np.abs(scene.map.points - at) < np.array(size) / 2).all(axis=1) for at in array.centres[:, :2]]
+    found = hydroelastic(scene.cover, SPREADS[1]).predict(scene, modulus=2e5, exponent=1.0)
+    np.testing.assert_allclose(found.texels, [forces[each].sum() for each in on], atol=1e-12)
+    assert found.texels.sum() + found.outside == pytest.approx(scene.load)
+    assert (np.count_nonzero(found.texels) > 4, found.outside > 0.05 * scene.load) == (True, True)
 
 
 def test_points_lie_on_a_grid_of_the_whole_top_about_the_middle_of_the_array():
