@@ -138,7 +138,10 @@ def test_labels_of_iso_lines_stand_on_their_lines_and_inside_the_axes():
 
 
 def test_pictures_and_pages_write_micrometres_with_their_letter(tmp_path):
-    assert spell_units("place [um], 169 um, 3 umbrellas of um") == "place [\u00b5m], 169 \u00b5m, 3 umbrellas of um"
+    assert (
+        spell_units("place [um], 169 um, (1 to 2) um, 3 umbrellas of um")
+        == "place [\u00b5m], 169 \u00b5m, (1 to 2) \u00b5m, 3 umbrellas of um"
+    )
     with open_figure(tmp_path / "map.svg", height=2, width=2) as figure:
         figure.add_subplot().set_title("error of place [um]")
     assert "error of place [\u00b5m]" in (tmp_path / "map.svg").read_text()

@@ -34,7 +34,7 @@ _EDGE = 0.94
 #: Font size of the value printed in a texel, over the edge of the square that represents the texel [-].
 _SHARE = 0.36
 #: Micrometres after a number or in brackets.
-_MICROMETRE = re.compile(r"(?<=\d )um\b|(?<=\[)um(?=\])")
+_MICROMETRE = re.compile(r"(?<=[\d)] )um\b|(?<=\[)um(?=\])")
 #: Largest number of characters of the value printed in a texel [-].
 _LONGEST = 5
 #: Colours of forces at equal steps from zero to the largest force, with increasing lightness.

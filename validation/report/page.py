@@ -404,7 +404,7 @@ def _tabulate_cases(campaign: results.CampaignResult) -> Table:
         fast, reference = result.predictions["fast"].score, result.reference
         rows.append(
             [
-                Cell(text=result.case.name, small=result.case.describe()),
+                Cell(text=result.case.name, small=result.case.describe(describe_indenter)),
                 number(result.case.load),
                 *(number(getattr(fast, name), column=column) for name, column in TABULATED.items()),
                 number(result.predictions["no-spread"].score.misplaced_force, 100),

@@ -72,9 +72,12 @@ class Column:
 
 
 def format_digits(value: float, digits: int) -> str:
-    """Format a number with the given number of significant digits, without exponent if it lies from 1e-4 to 1e6."""
-    if value == 0 or not math.isfinite(value):
-        return "0" if value == 0 else "inf"
+    """Format a number with the given number of significant digits, without exponent if it lies from 1e-4 to 1e6.
+
+    In the printed units, such as mm, numbers below 1e-12 are rounding errors of zero, and are printed as it.
+    """
+    if abs(value) < 1e-12 or not math.isfinite(value):  # noqa: PLR2004 -- as the docstring says
+        return "0" if abs(value) < 1 else "inf"
     if not 1e-4 <= abs(value) < 1e6:  # noqa: PLR2004 -- as the docstring says
         return f"{value:.{digits - 1}e}"
     return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"

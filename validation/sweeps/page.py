@@ -60,19 +60,20 @@ def draw_maps(found: Swept, folder: Path) -> list[str]:
         if np.isnan(values[:, 0]).all():
             continue
         names.append(f"{name}.png")
+        title = f"{name.replace('_', ' ')} [{unit}]" if unit else name.replace("_", " ")
         with open_figure(folder / names[-1], width=COLUMN, height=COLUMN) as figure:
             plot = figure.subplots()
             if len(axes) == 1:
                 plot.fill_between(axes[0][1], *values[:, 1:].T, alpha=0.3, color=COLOURS["fem"])
                 plot.plot(axes[0][1], values[:, 0], "o-", color=COLOURS["fem"])
-                plot.set(xlabel=labels[0], ylabel=f"{name} [{unit}]")
+                plot.set(xlabel=labels[0], ylabel=title)
                 continue
             image = values[:, 0].reshape(found.shape).T
             drawn = plot.contourf(axes[0][1], axes[1][1], image, _LINES)
             if np.ptp(image[np.isfinite(image)]) > 0:
                 label_lines(plot, plot.contour(drawn, colors="black", linewidths=0.6), fontsize=6)
-            figure.colorbar(drawn, ax=plot, label=unit)
-            plot.set(xlabel=labels[0], ylabel=labels[1], title=name)
+            figure.colorbar(drawn, ax=plot)
+            plot.set(xlabel=labels[0], ylabel=labels[1], title=title)
     return names
 
 

@@ -12,15 +12,15 @@ from validation.data_sets.results import CountScore, RecordingExample, Recording
 from validation.metrics import TABULATED
 from validation.pooling import Pooled
 from validation.report import write_report
-from validation.results import columns
+from validation.results import Column, columns
 from validation.sensor_file import load
 
 RANDOM = np.random.default_rng(7)
 #: Rows of the table of recordings: model, and whether a gain per texel was fitted.
 ROWS = (("zeros", False), ("line per texel", False), ("fast model", False), ("fast model", True))
 BODIES = {
-    "sphere": "sphere:radius=5mm, 4.9 N at (1.7, 1.7) mm, 0°",
-    "box": "box:size=6mmx10mmx5mm, 0.981 N at (0.7, -1.1) mm, 45° and sphere:radius=3mm, 2 N at (0, 9) mm, 0°",
+    "sphere": "ball, radius 5 mm, 4.9 N at (1.7, 1.7) mm, 0°",
+    "box": "box, 6 mm × 10 mm × 5 mm, 0.981 N at (0.7, -1.1) mm, 45° and ball, radius 3 mm, 2 N at (0, 9) mm, 0°",
 }
 ESTIMATES = {"total_force": 0.0011, "depth": 0.0022, "peak_texel": 0.0033, "contact_area": 0.0044}
 
@@ -178,3 +178,11 @@ def test_the_tables_of_recordings_print_the_row_that_they_name(page, recordings)
             ]
             check_pooled(cells[2:-1], row.pooled, columns(CountScore))
             assert cells[-1][1] == ([f"{row.skill[best].mean:.2f}"] if row.skill else ["\u2013"])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(2.3e-16, "0"), (-9e-16, "0"), (0.0, "0"), (-2.5e-8, "-2.50e-05"), (0.25, "250"), (np.inf, "inf")],
+)
+def test_rounding_errors_of_zero_are_printed_as_zero(value, text):
+    assert Column(heading="place", unit="mm", factor=1e3).text(value) == text
