@@ -20,7 +20,8 @@ RANDOM = np.random.default_rng(7)
 ROWS = (("zeros", False), ("line per texel", False), ("fast model", False), ("fast model", True))
 BODIES = {
     "sphere": "ball, radius 5 mm, 4.9 N at (1.7, 1.7) mm, 0°",
-    "box": "box, 6 mm × 10 mm × 5 mm, 0.981 N at (0.7, -1.1) mm, 45° and ball, radius 3 mm, 2 N at (0, 9) mm, 0°",
+    "box": "box, 6 mm \u00d7 10 mm \u00d7 5 mm, 0.981 N at (0.7, -1.1) mm, 45° and "
+    "ball, radius 3 mm, 2 N at (0, 9) mm, 0°",
 }
 ESTIMATES = {"total_force": 0.0011, "depth": 0.0022, "peak_texel": 0.0033, "contact_area": 0.0044}
 
