@@ -328,7 +328,7 @@ def test_a_picture_of_a_curved_array_is_unrolled(small_pad, tmp_path):
     forces, _ = press(find_touches(sensor.cover, sensor), [0.3e-3, -0.2e-3], 1.0, texel=4)
     sensor.locate(forces, forces=True, noise="2 mN", radius="0 mm", picture=tmp_path / "row.svg")
     words, _, drawn = read_picture(tmp_path / "row.svg")
-    assert {"N", "unrolled x [mm]", "unrolled y [mm]"} <= set(words)
+    assert {"force [N]", "unrolled x [mm]", "unrolled y [mm]"} <= set(words)
     assert drawn
 
 
