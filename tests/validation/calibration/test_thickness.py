@@ -66,6 +66,26 @@ def test_a_thickness_beyond_the_examined_ones_is_bounded_on_one_side(true, ends)
     assert ("at least" if ends[0] else "at most") in describe_thickness(found, 1e-3 * ASSUMED)
 
 
+@pytest.mark.parametrize(
+    ("ends", "low", "value", "high"),
+    [
+        ((0.6, 1.1, 2.4), 1.5, 2.75, 6.0), ((thickness.FACTORS[0], 0.5, 1.7), 0.0, np.nan, 4.25),
+        ((0.6, 1.7, thickness.FACTORS[-1]), 1.5, np.nan, np.inf),
+        ((thickness.FACTORS[0], 1.1, thickness.FACTORS[-1]), 0.0, np.nan, np.inf),
+    ],
+)  # fmt: skip
+def test_an_interval_that_reaches_an_end_of_the_fits_is_open_there_and_has_no_value(
+    monkeypatch, ends, low, value, high
+):
+    """Factors on the assumed 2.5 mm."""
+    monkeypatch.setattr(thickness, "_find_interval", lambda _fits: ends)
+    monkeypatch.setattr(thickness, "fit_forward", lambda *_: fit)
+    fit = fit_forward(spread_by(1.0), observe(5, 1.5, places=2, known=True), Options())
+    found, _ = profile_thickness(fit, str)
+    assert (found.low, found.value, found.high) == pytest.approx((low, value, high), nan_ok=True)
+    assert found.unit == "mm"
+
+
 def test_no_more_than_nine_covers_are_fitted(monkeypatch):
     """Also if the most likely thickness moves with every fit."""
     likely = iter((1.2, 0.8, 0.6, 2.4, 1.7))

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfilt
 
-from validation.published.in_time import butterworth, mean_of, recursion
+from validation.published.in_time import butterworth, mean_between, mean_of, recursion
 from validation.published.rules import PUBLISHED
 
 STEP = 1e-3
@@ -55,6 +55,18 @@ def test_a_mean_delays_a_ramp_by_half_its_length(samples, interval, late):
     times = STEP * np.arange(100)
     found = mean_of(samples, interval)(np.clip(times - 0.02, 0, None), STEP)
     assert found[60:] == pytest.approx(times[60:] - 0.02 - late, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("interval", "expected"),
+    [
+        (0.4e-3, [0, 1, 2, 3, 4, 5, 6, 7, 8]), (1e-3, [0, 1, 2, 3, 4, 5, 6, 7, 8]),
+        (2.1e-3, [0, 0, 1.5, 1.5, 3.5, 3.5, 5.5, 5.5, 7.5]), (4e-3, [0, 0, 0, 0, 2.5, 2.5, 2.5, 2.5, 6.5]),
+    ],
+)  # fmt: skip
+def test_a_read_is_the_mean_since_the_last_one_and_is_held(interval, expected):
+    """Of a ramp; before the first sample there are copies of it, and reads between two samples are those samples."""
+    assert mean_between(interval)(np.arange(9.0), STEP) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("order", "cutoff"), [(5, 20.0), (5, 8.0), (2, 5.0), (2, 2.0)])

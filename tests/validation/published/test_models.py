@@ -50,6 +50,40 @@ def test_every_model_is_checked_and_no_two_are_alike(scene):
     assert same <= {frozenset(("tegin-2005", "touch-grid"))}  # both bin the contact forces, on texels or on angles
 
 
+#: Values of the parameters as they are published, None where none is, and their units.
+VALUES = {
+    "report-0.5-3x3": {"sigma": (0.5, "pitches"), "ksize_x": (3, "texels"), "ksize_y": (3, "texels")},
+    "report-0.8-3x3": {"sigma": (0.8, "pitches"), "ksize_x": (3, "texels"), "ksize_y": (3, "texels")},
+    "report-1-3x5": {"sigma": (1.0, "pitches"), "ksize_x": (3, "texels"), "ksize_y": (5, "texels")},
+    "report-1-5x5": {"sigma": (1.0, "pitches"), "ksize_x": (5, "texels"), "ksize_y": (5, "texels")},
+    "report-0.8-5x5": {"sigma": (0.8, "pitches"), "ksize_x": (5, "texels"), "ksize_y": (5, "texels")},
+    "tegin-2005": {}, "robworksim-2010": {}, "mujoco-tactile": {"depth_factor": (1.0, "")},
+    "schunk": {"counts_per_newton": (350.0, "1/N"), "most_counts": (3500.0, "")},
+    "gazebo-ros-tactile": {"distance": (None, "m"), "angle": (None, ""), "least_force": (None, "N")},
+    "touch-grid": {"field_of_view": (45.0, "deg")}, "opengrasp-2013": {"stiffness": (None, "Pa/m")},
+    "robworksim-later": {"modulus": (7e5, "Pa"), "mask": (1.0, "")}, "penalty": {"stiffness": (5e3, "N/m")},
+    "skinsim-2014": {"stiffness": (16.37, "N/m"), "amplitude": (0.159, ""), "sigma": (0.01, "m")},
+    "genesis-taxel": {
+        "stiffness": (1e3, "N/m^e"), "exponent": (1.0, ""), "crosstalk": (0.0, ""), "sigma": (0.5, "pitches")
+    },
+    "pezzementi-pressure": {"stiffness": (None, "Pa/m"), "sigma": (None, "m")},
+    "pezzementi-depth": {"stiffness": (None, "Pa/m"), "sigma": (None, "m")},
+    "shimojo-1994": {"stiffness": (None, "Pa/m"), "depth": (None, "m")}, "exact-layer": {"stiffness": (None, "Pa/m")},
+}  # fmt: skip
+#: Parameters that are not fitted; of the rows of the report only one is.
+KEPT = {"ksize_x", "ksize_y", "counts_per_newton", "most_counts", "angle", "least_force", "exponent"}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_parameters_have_their_published_values_and_units(name):
+    model = PUBLISHED[name]
+    assert {key: (each.shipped, model.units.get(key, "")) for key, each in model.parameters.items()} == VALUES[name]
+    fitted = set(model.parameters) - KEPT
+    if name.startswith("report-") and name != "report-0.8-5x5":
+        fitted = set()
+    assert {key for key, each in model.parameters.items() if each.fitted} == fitted
+
+
 def write(model, values):
     return [f"{name} {value:.3g} {model.units.get(name, '')}".strip() for name, value in values.items()]
 

@@ -446,6 +446,15 @@ def test_notes_tell_strain_depth_and_where_the_oedometric_modulus_is_no_guide(sc
     assert found.pressure_law.shape == (0, 2)
 
 
+def test_presses_that_were_not_made_before_are_made_for_the_loads(scored, scene, monkeypatch):
+    asked = []
+    monkeypatch.setattr(targets, "make_presses", lambda *given: asked.append(given) or scored[1])
+    sensor, parameters = dataclasses.replace(SENSOR, cover=scene.cover), with_array(scene.array)
+    found = score_target("drake", sensor, parameters, loads=(0.5, 2.0), command="", progress=str)
+    assert asked == [(scene.cover, parameters, (0.5, 2.0), str)]
+    assert found.loads == (0.8, 3.0)
+
+
 def test_another_array_than_a_regular_flat_one_is_refused_with_its_source():
     centres = PARAMETERS.array.centres.copy()
     centres[0, 0] += 1e-3

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meshes import Pose, Roller, Sphere, TexelArray
+from meshes import Box, Cylinder, Pose, Prism, Roller, RoundedTip, Sphere, TexelArray
 from validation.scene import draw, rendering
 from validation.scene.cover_scene import CoverScene, _advance
 
@@ -100,6 +100,25 @@ def test_the_surface_is_cut_off_around_the_contact_and_has_the_indenter_over_it_
     np.testing.assert_allclose(ball.bounds[4:], (low, cut), atol=1e-3)
     np.testing.assert_allclose(ball.bounds[:4], (AT[0] - wide, AT[0] + wide, AT[1] - wide, AT[1] + wide), atol=0.02)
     assert 0 < ball.opacity < 1
+
+
+@pytest.mark.parametrize(
+    ("indenter", "half", "high"),
+    [
+        (Cylinder(radius=2e-3), (2.0, 2.0), None), (Box(size=(3e-3, 5e-3, 1e-3)), (1.5, 2.5), 1.0),
+        (Roller(radius=0.7e-3, length=4e-3), (0.7, 2.0), 1.4), (RoundedTip(radius=1.2e-3), (1.2, 1.2), None),
+        (Prism(points=((-1e-3, -1e-3), (2e-3, -1e-3), (2e-3, 3e-3), (-1e-3, 3e-3))), None, None),
+    ],
+    ids=lambda value: type(value).__name__,
+)  # fmt: skip
+def test_every_kind_of_body_stands_over_the_point_to_scale(views, scene, indenter, half, high):
+    """Half widths along x and y, and the height [mm]; bodies that reach beyond the cut of 2.8 mm end there."""
+    *_, body = views(dataclasses.replace(scene, indenter=indenter))[0].meshes
+    (left, right, near, far, low, top), base = body.bounds, 2 - 0.05 + 0.02
+    around = np.array([2, 2, 1, 1]) + ((-1, 2, -1, 3) if half is None else np.outer(half, (-1, 1)).ravel())
+    np.testing.assert_allclose((left, right, near, far), around, atol=0.02)
+    assert low == pytest.approx(base, abs=1e-3)
+    assert top == pytest.approx(1.95 + 2.8 if high is None else base + high, abs=1e-3)
 
 
 def test_an_indenter_stands_where_its_surface_passes_through_what_it_touches():
