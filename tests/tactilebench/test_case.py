@@ -66,6 +66,18 @@ def test_layers_and_loads_are_added_and_areas_are_products():
     assert not re.search("array|truth", repr(case.with_truth(*TRUTH, command="")))
 
 
+def test_texels_of_a_flat_array_lie_row_by_row_about_the_origin():
+    for case in draw("2026.1"):
+        if not case.cover.geometry:
+            grid = case.centres.reshape(case.rows, case.columns, 3)
+            assert grid[-1, -1, :2] == pytest.approx(np.multiply([case.columns - 1, case.rows - 1], case.pitch) / 2)
+            assert grid[0, 0] == pytest.approx(-grid[-1, -1])
+            assert np.diff(grid, axis=1) == pytest.approx(
+                np.broadcast_to([case.pitch[0], 0, 0], (case.rows, case.columns - 1, 3))
+            )
+            assert (case.normals == [0, 0, 1]).all()
+
+
 def test_the_top_of_a_solid_cover_is_made_of_its_triangles():
     """The flat pad's top lies in one plane at its thickness; the triangles cover its area once, counterclockwise."""
     case = next(each for each in draw("2026.1") if each.cover.geometry == "flat-pad")
