@@ -184,6 +184,12 @@ class TexelArray:
         return self.planar and bool(apart <= _REGULAR * min(self.pitch))
 
     @property
+    def layout(self) -> str:
+        """Columns and rows in words, such as `6 columns x 14 rows`."""
+        numbers = ((self.columns, "column"), (self.rows, "row"))
+        return " x ".join(f"{number} {name}{'s' * (number != 1)}" for number, name in numbers)
+
+    @property
     def extent(self) -> tuple[float, float]:
         """Edge lengths of the rectangle that contains all texels, along x and y [m]."""
         distance = np.ptp(self.centres[:, :2], axis=0)

@@ -179,7 +179,7 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
     active = int(array.active.sum())
     yield _make_entry(
         "size",
-        f"{x:.4g} x {y:.4g} mm, {array.columns} x {array.rows} texels ({active} measure)",
+        f"{x:.4g} x {y:.4g} mm, {array.layout} ({active} texels measure)",
         "edges of the rectangle around all texels, along x and y; columns x rows",
         "the array",
         {"size_m": list(array.extent), "columns": array.columns, "rows": array.rows, "active_texels": active},

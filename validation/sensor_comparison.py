@@ -59,7 +59,7 @@ def put_side_by_side(sensors: Sequence[str | Path]) -> list[Compared]:
 def _list_values(sensor: SensorDescription) -> dict[str, str]:
     """Return the value of each quantity as text."""
     array, electronics = sensor.array, sensor.electronics
-    active, size = int(array.active.sum()), f"{array.rows} x {array.columns}"
+    active, size = int(array.active.sum()), array.layout
     pitch = [f"{1e3 * each:.4g}" for each in dict.fromkeys(array.pitch)]
     largest = (electronics.output_max - electronics.offset + electronics.threshold) / electronics.sensitivity
     where = "on a texel" if electronics.tip_radius is None else "under a tip"

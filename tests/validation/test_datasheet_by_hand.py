@@ -43,7 +43,7 @@ def list_lines(**changes):
 
 
 LINES = {
-    "size": ("5.5 x 14.6 mm, 3 x 5 texels (14 measure)",
+    "size": ("5.5 x 14.6 mm, 3 columns x 5 rows (14 texels measure)",
              {"size_m": [5.5e-3, 14.6e-3], "columns": 3, "rows": 5, "active_texels": 14}),
     "cover": ("not stated: parameters do not describe the cover", {"cover_thickness_m": None, "cover_assumed": None}),
     "sensitivity": ("800 counts per N on a texel",

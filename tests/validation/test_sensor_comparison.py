@@ -73,7 +73,7 @@ def test_a_file_of_ones_own_is_its_own_source(sensor):
     (row,) = put_side_by_side([path])
     assert row.values["range"] == "2 N on a texel"
     assert load(path).electronics.sensitivity == pytest.approx(1023 / 2)
-    assert row.cells == ["2 x 3", "4 x 5 mm", "not stated", "2 N on a texel", "10", "1 mm tpu"]
+    assert row.cells == ["3 columns x 2 rows", "4 x 5 mm", "not stated", "2 N on a texel", "10", "1 mm tpu"]
     assert row.origins.endswith("rate 100 Hz: assumed")
 
 

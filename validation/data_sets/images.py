@@ -470,7 +470,7 @@ def _find_array(recording: Recording, file: DataFile, array: TexelArray) -> Reco
 def describe_layout(array: TexelArray) -> str:
     """Describe columns, rows, number of active texels and pitch of an array, for error messages."""
     pitch = " x ".join(f"{step * 1e3:g}" for step in array.pitch)
-    return f"{array.columns} x {array.rows}, {int(array.active.sum())} active, pitch {pitch} mm"
+    return f"{array.layout}, {int(array.active.sum())} active, pitch {pitch} mm"
 
 
 def _find_temperature(recording: Recording, file: DataFile, times: FloatArray) -> float:

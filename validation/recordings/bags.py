@@ -121,7 +121,12 @@ def read(
             recording.make_array(*each[0][1].shape, np.array([frame.counts for _, frame in each]), name=name)
             for name, each in series.items()
         ),
-        setup=Setup(source=path.name, source_sha256=digest, note=f"from {', '.join(series)}"),
+        setup=Setup(
+            source=path.name,
+            source_sha256=digest,
+            note=f"from {', '.join(series)}",
+            other=dict(recording.PITCH_LABEL),
+        ),
         forces=np.array([force for _, force in forces]),
         force_times=recording.count_seconds([time for time, _ in forces], times[0]),
     )

@@ -13,7 +13,7 @@ from meshes import TexelArray
 from meshes.array import MOST_TEXELS
 from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
-from validation.recordings.recording import NANOSECOND, Recording, RecordingError, Setup, limit_time
+from validation.recordings.recording import NANOSECOND, PITCH_ASSUMED, Recording, RecordingError, Setup, limit_time
 
 #: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
@@ -45,7 +45,7 @@ def open_recording(
         topic: ROS topic with the tactile frames, for recordings (bags) of other programs.
         rows: Number of texels along y, for files that do not state the number [-].
         columns: Number of texels along x, for files that do not state the number [-].
-        sensor: Array that was recorded, for CSV files that state no layout or pitch.
+        sensor: Array that was recorded, for files that state no layout or pitch.
         axis: Axis that is read from CSV files with three columns per texel.
 
     Raises:
@@ -65,15 +65,30 @@ def open_recording(
     with limit_time(path):
         match kind:
             case ".dsa":
-                return dsa.read(path)
+                found = dsa.read(path)
             case ".csv":
-                return tables.read(path, rows=rows, columns=columns, sensor=sensor, axis=axis)
+                found = tables.read(path, rows=rows, columns=columns, sensor=sensor, axis=axis)
             case ".mcap" if topic is None and mcap_reader.is_own_recording(path):
-                return mcap_reader.read(path)
+                found = mcap_reader.read(path)
             case suffix if suffix in {".mcap", ".bag", ".db3"} or path.is_dir():
-                return bags.read(path, topic=topic, rows=rows, columns=columns)
+                found = bags.read(path, topic=topic, rows=rows, columns=columns)
             case _:
                 raise RecordingError(f"{path}: not a recording; {ACCEPTED}")
+    return found if sensor is None else _take_pitch(found, sensor)
+
+
+def _take_pitch(recording: Recording, sensor: TexelArray) -> Recording:
+    """Give arrays of a recording that states no pitch, and have as many rows and columns as a sensor, its texels."""
+    if PITCH_ASSUMED not in recording.setup.other:
+        return recording
+    arrays = tuple(
+        replace(each, texels=replace(sensor, name=each.texels.name))
+        if (each.texels.rows, each.texels.columns) == (sensor.rows, sensor.columns)
+        else each
+        for each in recording.arrays
+    )
+    other = {key: value for key, value in recording.setup.other.items() if key != PITCH_ASSUMED}
+    return replace(recording, arrays=arrays, setup=replace(recording.setup, other=other))
 
 
 def list_modules(paths: Iterable[str | Path]) -> tuple[str, ...]:

@@ -34,6 +34,9 @@ BoolArray = npt.NDArray[np.bool_]
 
 #: Pitch of the texels that is assumed if a file does not state it: that of the Weiss arrays [m].
 DEFAULT_PITCH = 3.4e-3
+#: Label of a recording whose file states no pitch, and its value.
+PITCH_ASSUMED = "pitch assumed"
+PITCH_LABEL = {PITCH_ASSUMED: f"{1e3 * DEFAULT_PITCH:g} mm"}
 #: Largest count that is assumed if a file does not state it: that of a 12 bit converter [-].
 DEFAULT_FULL_SCALE = 4095
 #: Change of a count over the full scale, above which a texel counts as pressed during a recording [-].

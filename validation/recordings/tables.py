@@ -39,6 +39,7 @@ from validation.recordings.recording import (
     DEFAULT_FULL_SCALE,
     DEFAULT_PITCH,
     MOST_FULL_SCALE,
+    PITCH_LABEL,
     CountArray,
     FloatArray,
     Recording,
@@ -68,8 +69,6 @@ _MOST_KEYS = 64
 _ROUNDED = "counts rounded"
 #: Largest accepted change of a count by rounding, over the largest count [-].
 _MOST_ROUNDED = 0.01
-#: Label that states the pitch that was assumed, because the file states none.
-PITCH_ASSUMED = "pitch assumed"
 #: Label that states the unit of times since 1970 that are not in seconds.
 TIME_UNIT = "time unit"
 #: Units of time: units per second by name.
@@ -187,7 +186,7 @@ def read(
         pitch = sensor.pitch
     else:
         pitch = (DEFAULT_PITCH, DEFAULT_PITCH)
-        other[PITCH_ASSUMED] = f"{1e3 * DEFAULT_PITCH:g} mm"
+        other |= PITCH_LABEL
     shape = _find_shape(table, rows, columns, sensor, texels=counts.shape[1])
     active = sensor.active if sensor is not None and shape == (sensor.rows, sensor.columns) else None
     digest = hash_contents(path)

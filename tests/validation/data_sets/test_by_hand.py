@@ -400,7 +400,7 @@ def test_counts_change_as_in_most_recordings(tmp_path, signs, kept, words):
 
 def test_a_layout_is_described_by_columns_rows_texels_and_pitch():
     array = TexelArray.grid(2, 3, PITCH, active=np.arange(6) > 0)
-    assert describe_layout(array) == "3 x 2, 5 active, pitch 4 x 3 mm"
+    assert describe_layout(array) == "3 columns x 2 rows, 5 active, pitch 4 x 3 mm"
 
 
 # Null models.

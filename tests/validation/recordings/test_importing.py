@@ -46,6 +46,27 @@ def test_labels_that_are_given_replace_the_old_ones(tmp_path):
     assert changed.source == "a.csv"
 
 
+@pytest.mark.parametrize("kind", ["mcap", "bag"])
+def test_a_recording_without_a_pitch_has_that_of_the_sensor(tmp_path, kind):
+    """A bag, and a CSV file that was converted before anyone named the sensor."""
+    path = tmp_path / f"a.{kind}"
+    if kind == "mcap":
+        (tmp_path / "a.csv").write_text(CSV)
+        save(open_recording(tmp_path / "a.csv"), path)
+    else:
+        path = write_bag(tmp_path / "bag", {"/pad": "wts_driver/msg/Frame"}, first=False)
+    assumed = open_recording(path)
+    texels = assumed.arrays[0].texels
+    assert (texels.pitch, assumed.setup.other["pitch assumed"]) == ((3.4e-3, 3.4e-3), "3.4 mm")
+    sensor = TexelArray.grid(texels.rows, texels.columns, (4e-3, 5e-3))
+    found = open_recording(path, sensor=sensor)
+    assert found.arrays[0].has_layout_of(sensor)
+    assert "pitch assumed" not in found.setup.other
+    np.testing.assert_array_equal(found.arrays[0].counts, assumed.arrays[0].counts)
+    other = TexelArray.grid(texels.rows + 1, texels.columns, (4e-3, 5e-3))
+    assert open_recording(path, sensor=other).arrays[0].texels.rows == texels.rows
+
+
 MASKED = [file for file in FILES if file.name == "masked_matrix.dsa"]
 
 

@@ -49,7 +49,7 @@ def test_what_a_file_does_not_state_is_that_of_the_sensor(tmp_path):
     (tmp_path / "b.csv").write_text(CSV.replace("# rows = 2\n# columns = 3\n", ""))
     given = open_recording(tmp_path / "b.csv", rows=3, columns=2).arrays[0].texels
     assert (given.rows, given.columns) == (3, 2)
-    assert tables.PITCH_ASSUMED not in found.setup.other
+    assert "pitch assumed" not in found.setup.other
     path.write_text("# pitch = 0.002\n" + CSV)
     stated = tables.read(path, sensor=sensor).arrays[0].texels
     assert (stated.rows, stated.columns, stated.pitch) == (2, 3, (2e-3, 2e-3))

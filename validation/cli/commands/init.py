@@ -36,6 +36,6 @@ def init(
         raise InputError(f"{out}: exists already; name another file, or replace it with --force")
     write_text(out, read_template())
     output.say(
-        f"wrote {out}: a home-made sensor of 6 x 4 texels under 2 mm of silicone, complete as it is; change rows, "
-        "columns, pitch, thickness and material to yours, the comments say how"
+        f"wrote {out}: a home-made sensor of 4 columns x 6 rows under 2 mm of silicone, complete as it is; change "
+        "rows, columns, pitch, thickness and material to yours, the comments say how"
     )

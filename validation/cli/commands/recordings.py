@@ -100,8 +100,8 @@ def import_recording(
     """
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save
-    from validation.recordings.recording import Setup
-    from validation.recordings.tables import PITCH_ASSUMED, TIME_UNIT
+    from validation.recordings.recording import PITCH_ASSUMED, Setup
+    from validation.recordings.tables import TIME_UNIT
 
     setup = Setup.read(**vars(labels))
     if force_delay and force is None:
@@ -129,8 +129,8 @@ def import_recording(
         output.note(f"{recording.path}: the times are taken as {unit}")
     if pitch := recording.setup.other.get(PITCH_ASSUMED):  # Loads on texels and positions depend on the pitch.
         output.note(
-            f"{recording.path} states no pitch; assumed: {pitch}. If that is wrong, so are loads on texels: "
-            "write for example `# pitch = 0.004` [m] before its first line"
+            f"{recording.path} states no pitch; assumed: {pitch}. Commands that know the sensor take its pitch "
+            "instead; for others write for example `# pitch = 0.004` [m] before the first line of a CSV file"
         )
 
 
@@ -185,7 +185,9 @@ def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
 
 def _say_facts(facts: dict[str, Any], shown: int) -> None:
     setup, delays = facts["setup"], facts["arrival_delays"]
-    arrays = ", ".join("{columns} x {rows} (largest {largest})".format_map(array) for array in facts["arrays"])
+    arrays = ", ".join(
+        "{columns} columns x {rows} rows (largest {largest})".format_map(array) for array in facts["arrays"]
+    )
     output.say(f"{facts['path']}: {facts['frames']} frames in {facts['seconds']:.1f} s, arrays {arrays}")
     if len(facts["arrays"]) > 1:
         output.say(f"array {shown} is shown; choose another one with --array")
