@@ -47,11 +47,17 @@ def test_tiers_are_chosen_one_by_one(capsys):
     assert len(found.splitlines()) == 2 + sum(int(np.prod(case.shape)) for case in known)
 
 
-def test_a_table_states_the_means_of_each_tier_and_the_interval_and_floor_of_all(tmp_path, capsys):
-    small = [case for case in tactilebench.cases() if len(case.centres) == 25]
-    known = [case for case in small if case.tier in {"foil", "layered", "friction"}][::4]
+@pytest.fixture
+def few(tmp_path):
+    """Two cases of two tiers, whose truth is in `truth.npz`."""
+    small = {case.tier: case for case in tactilebench.cases() if len(case.centres) == 25}
+    known = [small["foil"], small["layered"]]
     tactilebench.save_truth(tmp_path / "truth.npz", known, seed=None, made_by="nobody 1.0")
-    np.savez(tmp_path / "mine.npz", **{case.name: np.roll(case.truth.forces, 1) for case in known})
+    return known
+
+
+def test_a_table_states_the_means_of_each_tier_and_the_interval_and_floor_of_all(tmp_path, capsys, few):
+    np.savez(tmp_path / "mine.npz", **{case.name: np.roll(case.truth.forces, 1) for case in few})
     words = ["score", str(tmp_path / "mine.npz"), "--truth", str(tmp_path / "truth.npz"), "--json"]
     assert main([*words, str(tmp_path / "scores.json")]) == 0
     rows = capsys.readouterr().out.splitlines()
@@ -73,10 +79,9 @@ def test_a_table_states_the_means_of_each_tier_and_the_interval_and_floor_of_all
     assert len({len(row) for row in rows[:7]}) == 1  # columns stand below one another
 
 
-def test_what_is_not_defined_is_a_hyphen_in_the_table(tmp_path, capsys):
-    known = [case for case in tactilebench.cases() if case.tier == "foil"]
-    np.savez(tmp_path / "mine.npz", **{case.name: np.zeros(case.shape) for case in known})
-    assert main(["score", str(tmp_path / "mine.npz"), "--tier", "foil"]) == 0
+def test_what_is_not_defined_is_a_hyphen_in_the_table(tmp_path, capsys, few):
+    np.savez(tmp_path / "mine.npz", **{case.name: np.zeros(case.shape) for case in few})
+    assert main(["score", str(tmp_path / "mine.npz"), "--truth", str(tmp_path / "truth.npz")]) == 0
     assert capsys.readouterr().out.splitlines()[2].split()[5:8] == ["-", "-", "-"]
 
 
@@ -123,9 +128,8 @@ def test_a_wrong_word_ends_with_status_two_and_one_line(capsys, words, said):
     assert re.search(r"; see python -m tactilebench (\w+ )?--help$", line)
 
 
+@pytest.mark.usefixtures("few")
 def test_a_seed_of_no_sense_and_a_tier_without_truth_are_refused_in_one_line(tmp_path, capsys):
-    (foil,) = [case for case in tactilebench.cases() if case.name == "foil-000"]
-    tactilebench.save_truth(tmp_path / "truth.npz", [foil], seed=None, made_by="nobody 1.0")
     (tmp_path / "mine.csv").write_text("case,texel,force_n\n")
     scored = ["score", str(tmp_path / "mine.csv"), "--truth", str(tmp_path / "truth.npz"), "--tier", "curved"]
     for words, said in ((["cases", "--seed", "-4"], "seed -4: "), (scored, "--tier: no case of curved is known here")):
@@ -167,11 +171,10 @@ def test_a_text_ends_with_one_line_break(capsys):
 
 
 @pytest.fixture
-def perfect(tmp_path):
-    """A file with the true forces of the tier `foil`, and the words that score it into another file."""
-    known = [case for case in tactilebench.cases() if case.tier == "foil"]
-    np.savez(tmp_path / "mine.npz", **{case.name: case.truth.forces for case in known})
-    return ["score", str(tmp_path / "mine.npz"), "--tier", "foil", "--json"]
+def perfect(tmp_path, few):
+    """The words that score a file with the true forces into another file."""
+    np.savez(tmp_path / "mine.npz", **{case.name: case.truth.forces for case in few})
+    return ["score", str(tmp_path / "mine.npz"), "--truth", str(tmp_path / "truth.npz"), "--json"]
 
 
 def test_scores_replace_what_was_there_and_others_may_read_them(tmp_path, perfect):
