@@ -76,7 +76,7 @@ def test_replay_shows_the_pressed_array_in_every_form(tmp_path, softcover):
         assert tables.read(tmp_path / f"{shown}.csv").arrays[0].counts.max() == told["arrays"][shown]["largest"]
     errors = softcover("replay", "a.mcap")[2]
     assert "array 2 is shown" in errors
-    assert "3 x 2 (largest 0), 3 x 2 (largest 0), 3 x 2 (largest 900)" in errors
+    assert "3 columns x 2 rows (largest 0), 3 columns x 2 rows (largest 0), 3 columns x 2 rows (largest 900)" in errors
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(13, 6), (14, 6), (3, 5)])
