@@ -83,7 +83,7 @@ _NEXT = {
     "view": "softcover export {0} --out FOLDER writes the model for your simulation",
     "demo": "open the report; softcover init writes a file for a sensor of your own",
     "validate": "softcover regress {0} --update stores what the model does now, so that CI notices a change",
-    "regress": "run softcover regress {0} in CI; it ends with 1 when a value changes",
+    "regress": "run the same command without --update in CI; it ends with 1 when a value changes",
     "record": "softcover replay FILE shows the recording; softcover calibrate FILES --sensor SENSOR fits the sensor",
     "replay": "softcover calibrate {0} --sensor SENSOR fits the sensor, if the load is known",
     "import": "softcover calibrate FILES --sensor SENSOR fits the sensor",

@@ -20,7 +20,7 @@ from xml.etree import ElementTree as ET
 
 from validation.errors import InputError
 from validation.output_folder import write_text
-from validation.regression.quantities import measure
+from validation.regression.quantities import EXPERIMENTS, measure
 from validation.regression.reading import Reading, Subject, describe_sensor
 from validation.render.table import Table
 from validation.schema import read
@@ -149,7 +149,7 @@ def read_baseline(path: Path, sensor: str) -> Baseline:
 
 
 def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -> list[Change]:
-    """List the quantities that changed, in the order of their titles.
+    """List the quantities that changed; what a group follows from stands before it.
 
     Tolerances are those of the stored baseline.  A quantity that exists in only one of the two sets counts as changed.
 
@@ -159,7 +159,7 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
         failures: Reasons why quantities could not be measured, by group.
     """
     changes = []
-    for title in sorted({*stored.readings, *measured.readings}):
+    for title in _list_titles(stored, measured):
         before, now = stored.readings.get(title), measured.readings.get(title)
         if before is None:
             changes.append(Change(quantity=title, text="is not in the baseline"))
@@ -171,9 +171,15 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
     return changes
 
 
+def _list_titles(stored: Baseline, measured: Baseline) -> list[str]:
+    ranks = {group: rank for rank, group in enumerate(EXPERIMENTS)}
+    titles = {*stored.readings, *measured.readings}
+    return sorted(titles, key=lambda title: (ranks.get(title.partition(": ")[0], len(ranks)), title))
+
+
 def measure_changes(stored: Baseline, measured: Baseline) -> dict[str, float]:
     """Return the largest change of each quantity over its tolerance [-], by title; infinity if not comparable."""
-    ratios = dict.fromkeys(sorted({*stored.readings, *measured.readings}), math.inf)
+    ratios = dict.fromkeys(_list_titles(stored, measured), math.inf)
     for title in stored.readings.keys() & measured.readings.keys():
         before, now = stored.readings[title], measured.readings[title]
         if before.form == now.form:

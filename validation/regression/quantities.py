@@ -296,9 +296,12 @@ def measure_uncertainty(subject: Subject) -> Readings:
     }
 
 
-#: Experiments by the group of quantities that each one gives.
+#: Experiments by the group of quantities that each one gives; what a group follows from stands above it.
 EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
     {
+        "kernel": measure_derivation,
+        "shipped parameters": compare_shipped,
+        "spread": experiments.measure_spread,
         "characteristic": experiments.measure_characteristic,
         "electronics": experiments.measure_stages,
         "filter": experiments.measure_load_step,
@@ -306,7 +309,6 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "noise": experiments.measure_noise,
         "reset": experiments.measure_reset,
         "orientation": experiments.measure_letter,
-        "spread": experiments.measure_spread,
         "H": experiments.press_letter,
         "ball": experiments.press_ball,
         "edge": experiments.press_edge,
@@ -315,8 +317,6 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "pooling": experiments.pool_fixed_scores,
         "in time": in_time.measure_time,
         "touches": touches.measure_touches,
-        "kernel": measure_derivation,
-        "shipped parameters": compare_shipped,
         "reference": measure_reference,
         "accuracy": measure_accuracy,
         "friction": measure_friction,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from validation.errors import InputError
-from validation.regression.baseline import Baseline, compare, make_baseline, merge, read_baseline
+from validation.regression.baseline import Baseline, compare, make_baseline, measure_changes, merge, read_baseline
 from validation.regression.reading import list_numbers, read
 
 SENSOR = "some sensor"
@@ -151,3 +151,13 @@ def test_the_healthy_spoiled_file_is_read(tmp_path):
 def test_one_number_that_is_not_finite_hides_no_other():
     tree = {"a": [1.0, float("nan"), 3.0], "b": {"c": 4, "name": "text"}, "d": float("inf"), "e": [[5.0, 6.0], [7.0]]}
     assert list_numbers(tree) == {"a, 0": [1.0], "a, 2": [3.0], "b, c": [4.0], "e, 0": [5.0, 6.0], "e, 1": [7.0]}
+
+
+def test_changes_stand_in_the_order_in_which_they_follow_from_each_other():
+    """The spread changes images, which change the data sheet; by name the cause would stand last."""
+    titles = ["H: image", "data sheet: width", "kernel: sigma", "spread: share", "a new group: x"]
+    before = make_baseline(SENSOR, {title: reading(1.0) for title in titles})
+    after = make_baseline(SENSOR, {title: reading(2.0) for title in titles[:2] + titles[3:]})
+    expected = ["kernel: sigma", "spread: share", "H: image", "data sheet: width", "a new group: x"]
+    assert [each.quantity for each in compare(before, after, {"kernel": "refused"})] == expected
+    assert list(measure_changes(before, after)) == expected
