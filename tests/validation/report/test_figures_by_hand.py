@@ -1,6 +1,7 @@
 """Plots of moving cases and of left-out images, and texels in figures, against made-up numbers."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from meshes import TexelArray
+from validation.derivation.solid import SolidDerivation
 from validation.moving.results import MovingResult, MovingScore
 from validation.render.figure import draw_texels, open_figure
 from validation.render.image import Scale, shorten, tactile_image
-from validation.report.figures import draw_left_out, draw_moving
+from validation.report.figures import draw_campaign, draw_cases, draw_left_out, draw_moving, render_svg
+from validation.text.indenter import describe_indenter
 
 
 def make_score(model, delay):
@@ -58,6 +61,68 @@ def test_left_out_errors_stand_over_the_power_of_the_load():
     assert [list(line.get_ydata()) for line in axes.lines] == [[3.0, 2.0, 4.0], [1.0, 5.0, 6.0]]
     axes.figure.canvas.draw()
     assert [label.get_text() for label in axes.get_xticklabels()] == ["0", "1", "8"]
+
+
+def test_a_plot_on_a_page_has_no_background_no_names_and_the_colour_of_its_text():
+    svg = render_svg(lambda axes: axes.plot([0, 1], [2, 3], color="black"), width=4, height=2)
+    assert svg.startswith("<svg")
+    assert ('width="288pt"' in svg, 'height="144pt"' in svg) == (True, True)
+    assert "#000000" not in svg
+    assert "currentColor" in svg
+    assert not re.findall(r'<g id="', svg)
+    filled = re.findall(r'style="fill: #ffffff([^"]*)"', svg)
+    assert all("opacity: 0" in each for each in filled)
+    assert not re.findall(r"<dc:date>|<dc:creator>", svg)
+
+
+def test_marks_of_a_campaign_are_the_misplaced_forces_of_its_models():
+    def result(name, *shares):
+        predictions = {
+            model: SimpleNamespace(score=SimpleNamespace(misplaced_force=share))
+            for model, share in zip(("fast", "foundation"), shares, strict=True)
+        }
+        return SimpleNamespace(case=SimpleNamespace(name=name), predictions=predictions)
+
+    campaign = SimpleNamespace(
+        models=("fast", "foundation"), cases=(result("one", 0.02, 0.3), result("two", 0.05, 0.4))
+    )
+    axes = Figure().subplots()
+    draw_campaign(campaign, axes)
+    assert {line.get_label(): list(line.get_ydata()) for line in axes.lines} == {
+        "fast": pytest.approx([2, 5]), "foundation": pytest.approx([30, 40])
+    }  # fmt: skip
+    assert [list(line.get_xdata()) for line in axes.lines] == [[0, 1], [0, 1]]
+    assert len({line.get_marker() for line in axes.lines}) == 2
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["one", "two"]
+    assert (axes.get_yscale(), axes.get_ylabel()) == ("log", "misplaced force [% of the load]")
+
+
+@pytest.mark.parametrize(("count", "left"), [(24, 0), (26, 2)])
+def test_at_most_24_cases_are_drawn_in_three_dimensions(monkeypatch, tmp_path, count, left):
+    """The scene of the third one cannot be shown."""
+    shown, written = [], []
+
+    def show(found, array, indenter, pose, *, title):
+        shown.append((found, array, indenter, pose, title))
+        return None if found == 3 else found
+
+    monkeypatch.setattr("validation.scene.cover_scene.show_indentation", show)
+    monkeypatch.setattr("validation.scene.draw.write_picture", lambda *given: written.append(given))
+    cases = [
+        SimpleNamespace(
+            case=SimpleNamespace(name=f"case {k}", shape="sphere:radius=4mm", load=0.25 * k, indenter="ball", pose=k),
+            reference=SimpleNamespace(found=k),
+        )
+        for k in range(1, count + 1)
+    ]
+    derivation = SimpleNamespace(sensor=SimpleNamespace(array="the array"))
+    evaluation = SimpleNamespace(campaign=SimpleNamespace(cases=cases))
+    pictures = draw_cases.dispatch(SolidDerivation)(derivation, evaluation, tmp_path)
+    assert len(shown) == 24
+    assert shown[1] == (2, "the array", "ball", 2, f"case 2: {describe_indenter('sphere:radius=4mm')}, 0.5 N")
+    assert written[:3] == [(k, tmp_path / f"case-{k:02d}.png") for k in (1, 2, 4)]
+    assert pictures.files == {f"case {k}": f"case-{k:02d}.png" for k in range(1, 25) if k != 3}
+    assert pictures.missing == f"{left + 1} further cases are not drawn"
 
 
 VALUES = np.array([0.5, -0.002, -0.2, 0.25, 1.0, 9.0])
