@@ -162,6 +162,16 @@ def test_net_force_is_filtered_as_the_texel_forces_are():
     np.testing.assert_allclose(sensor.frame().net_torque, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("contact", ["cover", "foundation"])
+def test_given_forces_have_the_torque_of_their_places(contact):
+    """Of 0.3 N on one texel and 1 N on another; the cover lacks nothing of it."""
+    sensor, _ = slide_box(contact)
+    forces = np.eye(84)[5] + 0.3 * np.eye(84)[70]
+    sensor.reset(forces)
+    expected = np.cross(FLAT.array.centres, -FLAT.array.normals).T @ forces
+    np.testing.assert_allclose(sensor.frame().pressure_torque, expected, atol=1e-12)
+
+
 def test_pressures_are_forces_over_the_sensitive_area():
     sensor, _ = slide_box("cover")
     frame = sensor.frame()
