@@ -146,8 +146,11 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     sensor = fastmodel.attach(spec, "palm", PARAMETERS)
     with pytest.raises(FastModelError, match="'sensor' is on this spec already"):
         fastmodel.attach(spec, "palm", PARAMETERS, contact="boxes")
+    for name in ("frame", "texel_forces", "pressures", "contact_forces", "carried", "outside", "reset", "get_state"):
+        with pytest.raises(LifeCycleError, match="not bound"):
+            getattr(sensor, name)()
     with pytest.raises(LifeCycleError, match="not bound"):
-        sensor.frame()
+        sensor.texel_poses(None)
     with pytest.raises(LifeCycleError, match="sensor/texel0"):
         sensor.bind(mujoco.MjModel.from_xml_string("<mujoco/>"))
     with pytest.raises(FastModelError, match="half the sampling rate of 50"):

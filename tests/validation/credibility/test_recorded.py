@@ -136,6 +136,26 @@ def test_the_scatter_of_repeats_is_relative_to_the_load():
         assert found[f"here {load:g} N"].u_data == pytest.approx(expected, rel=1e-6)
 
 
+def test_sum_largest_texel_and_centre_are_those_of_the_mean_of_repeats():
+    """Counts of two repeats on two texels, one of them with 30 and 70, and an unmeasured one with more."""
+    images = [make_image(1.0), make_image(1.0)]
+    for image, (one, other) in zip(images, ((30.0, 40.0), (70.0, 20.0)), strict=True):
+        image.counts = np.zeros(81)
+        image.counts[[40, 41, 50]] = one, other, 900.0
+        image.measured = np.arange(81) != 50
+    found = {each.quantity.split(" [")[0]: each for each in compare_loads(LINE, images, COVER, POSITION)}
+    values = {name: each.factor * each.reference for name, each in found.items()}
+    # texels 40 and 41 lie in the middle and a pitch of 3 mm beside it
+    expected = {
+        "sum of counts": 80.0,
+        "largest texel": 50.0,
+        "centre of counts x": 30 / 80 * 3,
+        "centre of counts y": 0,
+    }
+    assert values == pytest.approx(expected)
+    assert found["largest texel"].fast == pytest.approx(SLOPE * LOAD / 9)
+
+
 def test_a_repeat_with_unknown_creep_leaves_the_creep_of_the_others():
     one, two = (
         compare_loads(LINE, [make_image(0.97), make_image(0.97, creep=creep)], COVER, POSITION)[0].u_data
