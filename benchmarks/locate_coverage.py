@@ -2,6 +2,7 @@
 
 python benchmarks/locate_coverage.py                 60 presses of one body and 60 pairs on the flat cover of the WTS
 python benchmarks/locate_coverage.py --presses 300 --sensor fingertip
+python benchmarks/locate_coverage.py --turned        bodies turned about their axis by any angle, as in a grasp
 
 Bodies are balls, boxes and upright cylinders of random size, place and load.  A pair is the sum of two presses that lie
 at least two pitches apart.  Frames are read as counts, and as forces with noise alone; noise is 5 mN.
@@ -32,9 +33,11 @@ def draw_body(rng: np.random.Generator) -> str:
     )
 
 
-def draw_presses(name: str, count: int, seed: int) -> list[tuple[np.ndarray, float, np.ndarray]]:
+def draw_presses(
+    name: str, count: int, seed: int, *, turned: bool = False
+) -> list[tuple[np.ndarray, float, np.ndarray]]:
     """Press random bodies; return place [m], load [N] and texel forces [N] of each."""
-    rng, found = np.random.default_rng(seed), []
+    (rng, turns), found = (np.random.default_rng(each) for each in (seed, [seed, 1])), []
     sensor = validation.load(name)
     inner = sensor.array.centres[sensor.array.active]
     while len(found) < count:
@@ -42,8 +45,9 @@ def draw_presses(name: str, count: int, seed: int) -> list[tuple[np.ndarray, flo
         aside = rng.uniform(-0.5, 0.5, 2) * np.array(sensor.array.pitch)
         at = middle + (np.append(aside, 0.0) if sensor.array.rows > 1 else 0.0)
         text = ",".join(f"{1e3 * each:.4f}mm" for each in (at[:2] if isinstance(sensor.cover, Cover) else at))
+        yaw = f"{turns.uniform(0, 180):.2f}deg" if turned else None
         try:
-            pressed = validation.press(sensor, draw_body(rng), load=f"{load:.4f} N", at=text, models=("fem",))
+            pressed = validation.press(sensor, draw_body(rng), load=f"{load:.4f} N", at=text, yaw=yaw, models=("fem",))
         except ValueError as error:
             print("left out:", error)
             continue
@@ -57,8 +61,9 @@ def main() -> None:
     parser.add_argument("--sensor", default="wts-0614-34")
     parser.add_argument("--presses", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--turned", action="store_true")
     options = parser.parse_args()
-    presses = draw_presses(options.sensor, options.presses, options.seed)
+    presses = draw_presses(options.sensor, options.presses, options.seed, turned=options.turned)
     sensor, rng = validation.load(options.sensor), np.random.default_rng(options.seed)
     pitch = max(sensor.array.pitch)
     pairs = [(a, b) for a in presses for b in presses if np.linalg.norm(a[0] - b[0]) > APART * pitch]

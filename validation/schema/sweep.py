@@ -49,7 +49,9 @@ def write_value(number: float, unit: str) -> Any:  # noqa: ANN401 -- a value of 
 
 def _read_axis(value: object) -> Axis:
     """Read a list of values, `from : to : count`, or a range `from : to` from which designs are drawn."""
-    if isinstance(value, list) and 0 < len(value) <= MOST_DESIGNS:
+    if isinstance(value, list):
+        if not 0 < len(value) <= MOST_DESIGNS:
+            raise ValueError(f"a list holds {len(value)} values; accepted: 1..{MOST_DESIGNS}")
         return Axis(values=tuple(value))
     parts = _COLON.split(value.strip()) if isinstance(value, str) else []
     ends = [split_quantity(part) for part in parts[:2]]

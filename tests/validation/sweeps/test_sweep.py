@@ -240,7 +240,7 @@ def test_what_is_only_known_to_a_limit_is_possible_beyond_it(tmp_path, computed)
         ({THICKNESS: "1 : 5 : 9"}, {}, "has no unit"),
         ({THICKNESS: "1 mm : 5 N : 9"}, {}, "both ends need a unit of one kind"),
         ({THICKNESS: "1 mm : 5 mm"}, {}, "is a range; add a count"),
-        ({THICKNESS: []}, {}, "is no values"),
+        ({THICKNESS: []}, {}, "a list holds 0 values; accepted: 1..100000"),
         ({THICKNESS: "1 mm : 5 mm : 1000", PITCH: "3 mm : 4 mm : 1000"}, {}, "1000000 designs; at most 100000"),
         ({"cover.layer[0].thicknes": "1 mm : 5 mm : 9"}, {}, "did you mean 'thickness'?"),
         ({"cover.layer[1].thickness": "1 mm : 5 mm : 9"}, {}, "no such table or list"),
