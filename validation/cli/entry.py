@@ -56,6 +56,11 @@ PIPE_CLOSED = 141
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
 #: Errors of a full disk or quota.  Files name themselves in theirs, so that others are of standard output.
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+#: What helps against an error of a path.
+_REMEDIES = {
+    errno.ENAMETOOLONG: "take a shorter name",
+    **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), "a file stands where a folder is needed; name another place"),
+}
 #: Characters of messages and results, and what stands for them in an encoding that lacks them.
 _PLAIN = {"±": "+-", "²": "2", "°": " deg", "µ": "u", "×": "x", "–": "-", "“": '"', "”": '"'}  # noqa: RUF001
 #: Largest number of faults of a user's input that are printed, one line each [-].
@@ -367,7 +372,7 @@ def explain(error: Exception) -> Explanation | None:
         case OSError():
             reason = str(error.strerror or error)
             place = error.filename or ("standard output" if error.errno in _FULL else "")
-            text = f"{place}: {reason}" if place else reason
+            text = "; ".join(filter(None, [f"{place}: {reason}" if place else reason, _REMEDIES.get(error.errno or 0)]))
             of_path = any(getattr(each, "errno", None) in _PATH_FAULTS for each in (error, error.__cause__))
             status = BAD_INPUT if of_path else OUTSIDE_FAILED
         case InputError():

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 WIDTH = 80
 #: Smallest width of the lines of a printed paragraph, on a narrower terminal [characters].
 _LEAST_WIDTH = 40
+#: Smallest width of a printed table: on a narrower terminal its lines wrap, instead of losing columns [characters].
+_LEAST_TABLE = 60
 #: Shortest time between two lines of progress if standard error is no terminal [s].
 LINE_INTERVAL = 2.0
 #: Time per item below which items count as read from the store, so that they tell nothing about the others [s].
@@ -108,7 +110,9 @@ def make_console() -> Console:
         def on_broken_pipe(self) -> None:
             raise  # noqa: PLE0704 -- rich calls this where it has caught the error
 
-    return Output(highlight=False)
+    console = Output(highlight=False)
+    console.width = max(console.width, _LEAST_TABLE)
+    return console
 
 
 def render(table: Table, *, lines: bool = True) -> None:

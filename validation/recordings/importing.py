@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 from meshes import TexelArray
 from meshes.array import MOST_TEXELS
 from validation.recordings import bags, dsa, mcap_reader, tables
-from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
+from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import NANOSECOND, PITCH_ASSUMED, Recording, RecordingError, Setup, limit_time
 
 #: List of the formats that `open_recording` accepts, for error messages.
@@ -162,7 +163,10 @@ def save(recording: Recording, path: str | Path) -> int:
             raise RecordingError(
                 f"{recording.path}: counts from {least} to {most} do not fit an MCAP file, which has 16 bits"
             )
-    with RecordingWriter(path, arrays=arrays, setup=recording.setup, serial=recording.serial, start=start) as writer:
+    with (
+        _remove_rest(Path(path)),
+        RecordingWriter(path, arrays=arrays, setup=recording.setup, serial=recording.serial, start=start) as writer,
+    ):
         for gap in recording.gaps:
             writer.add_gap(start, gap)
         for time, degrees in zip(recording.temperature_times, recording.temperatures, strict=True):
@@ -177,6 +181,23 @@ def save(recording: Recording, path: str | Path) -> int:
                 else:
                     writer.add_simulated_frame(index, clocks, array.make_frame(number, float(time)))
         return writer.frames
+
+
+@contextlib.contextmanager
+def _remove_rest(path: Path) -> Iterator[None]:
+    """Remove an unfinished file: unlike those that are recorded, its frames still stand in another file."""
+    existed = path.exists()
+    try:
+        yield
+    except BaseException as error:
+        if existed:
+            raise
+        path.unlink(missing_ok=True)
+        if isinstance(error, StorageError) and isinstance(error.__cause__, OSError):
+            raise StorageError(
+                error.__cause__.errno, f"cannot be written: {error.__cause__.strerror}", str(path)
+            ) from None
+        raise
 
 
 def _find_start(recording: Recording) -> int:

@@ -25,7 +25,7 @@ BEHIND.__cause__ = ModuleNotFoundError("no mcap", name="mcap.reader")
             (OSError(code, "it failed", "a.toml"), 3, ("a.toml: it failed",))
             for code in (errno.ENOENT, errno.EACCES, errno.ENOSPC)
         ],
-        (OSError(errno.ENAMETOOLONG, "too long", "a"), 2, ("a: too long",)),
+        (OSError(errno.ENAMETOOLONG, "too long", "a"), 2, ("a: too long; take a shorter name",)),
         (MemoryError(), 3, ("not enough memory for this input",)),
         (ConvergenceError("no\nway"), 4, ("no way",)),
         (BEHIND, 3, (str(MissingExtraError("mcap")),)),

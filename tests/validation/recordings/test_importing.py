@@ -1,5 +1,7 @@
 """Recordings of every format are opened, labelled and saved as MCAP with the same values."""
 
+import errno
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +14,7 @@ from tests.support.recordings import RECORDINGS, find_differences, recordings
 from tests.support.ros_bags import write_bag
 from validation.recordings import RecordingError, Setup
 from validation.recordings.importing import add_forces, open_recording, relabel, save
+from validation.recordings.mcap_writer import StorageError
 from validation.recordings.recording import make_array
 
 FILES = [] if RECORDINGS is None else sorted(RECORDINGS.rglob("*.dsa"))
@@ -65,6 +68,40 @@ def test_a_recording_without_a_pitch_has_that_of_the_sensor(tmp_path, kind):
     np.testing.assert_array_equal(found.arrays[0].counts, assumed.arrays[0].counts)
     other = TexelArray.grid(texels.rows + 1, texels.columns, (4e-3, 5e-3))
     assert open_recording(path, sensor=other).arrays[0].texels.rows == texels.rows
+
+
+def test_an_import_that_fills_the_disk_leaves_no_file(tmp_path, monkeypatch, softcover):
+    (tmp_path / "a.csv").write_text(CSV)
+    (tmp_path / "b.mcap").write_text("mine")
+
+    def fail(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "write", fail)
+    with pytest.raises(StorageError, match="cannot be written: No space left on device"):
+        save(open_recording(tmp_path / "a.csv"), tmp_path / "a.mcap")
+    with pytest.raises(StorageError, match="name a new file"):
+        save(open_recording(tmp_path / "a.csv"), tmp_path / "b.mcap")
+    monkeypatch.undo()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.mcap"]
+    assert (tmp_path / "b.mcap").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["materials", "pet", "--out", "a.csv/c.csv"],
+        ["datasheet", "wts-0614-34", "--out", "a.csv/c.md"],
+        ["export", "wts-0614-34", "--out", "a.csv/c"],
+        ["import", "a.csv", "--out", "a.csv/c.mcap"],
+        ["init", "a.csv/c.toml"],
+    ],
+)
+def test_a_path_below_a_file_is_refused_with_what_to_do(tmp_path, softcover, words):
+    (tmp_path / "a.csv").write_text(CSV)
+    status, out, errors = softcover(*words)
+    assert (status, out, len(errors.splitlines())) == (2, "", 1)
+    assert "a file stands where a folder is needed; name another place" in errors
 
 
 MASKED = [file for file in FILES if file.name == "masked_matrix.dsa"]

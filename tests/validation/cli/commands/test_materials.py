@@ -70,3 +70,9 @@ def test_the_curve_is_written_once(softcover, tmp_path):
         assert f"wrote {tmp_path / name}" in softcover("materials", "Sylgard 184", "--out", tmp_path / name)[2]
         assert (tmp_path / name).stat().st_size > 1000
         assert softcover("materials", "Sylgard 184", "--out", tmp_path / name)[0] == 2
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "30"])
+def test_a_terminal_that_states_a_tiny_width_loses_no_column(ask, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert "bulk modulus 4.861 GPa" in ask("pet")

@@ -132,4 +132,5 @@ def test_a_file_in_place_of_the_store_is_refused(softcover, tmp_path, monkeypatc
     file.touch()
     monkeypatch.setenv("SOFTCOVER_STORE", str(file))
     status, out, err = softcover("store", action)
-    assert (status, out, err) == (2, "", f"softcover: {file}: Not a directory\n")
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert err.startswith(f"softcover: {file}: Not a directory; a file stands where a folder is needed")
