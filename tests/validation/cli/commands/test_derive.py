@@ -53,7 +53,9 @@ def test_each_row_prints_its_own_number(wts_derivation):
         depth={"foundation": {"modulus": 1.38e9}},
         validity={"load_2_percent": 1.5, "load_5_percent": 4.25},
     )
-    rows = {name.text: value.text for name, value in tabulate_facts("made", "made up", made).rows}
+    table = tabulate_facts("made", "made up", made)
+    assert (table.name, table.caption, tuple(table.headings)) == ("made", "made up", ("quantity", "value"))
+    rows = {name.text: value.text for name, value in table.rows}
     assert (
         rows.items()
         >= {
