@@ -352,8 +352,8 @@ def read_request(
         unused = [option for option, value in given.items() if value not in (None, False)]
         if unused:
             faults.append(f"--history, --hold: leave out {', '.join(unused)}, which are for one load")
-    if (out is not None or curve is not None) and known and "fem" not in chosen:
-        faults.append("--out, --curve: the files hold results of the finite elements; let --model name fem")
+    if out is not None and known and "fem" not in chosen:
+        faults.append("--out: holds results of the finite elements; write --model fem, or fem,fast")
     if curve is not None and not 1 <= curve <= _MOST_POINTS:
         faults.append(f"--curve: accepted: 1..{_MOST_POINTS} points, not {curve}")
     if curve is not None and out is None:

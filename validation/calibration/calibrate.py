@@ -55,7 +55,7 @@ from validation.metrics import score_images
 from validation.output_folder import write_text
 from validation.parameters import find_parameters
 from validation.recordings.importing import list_modules
-from validation.render.figure import draw_texels, open_figure
+from validation.render.figure import COLUMN, PAGE, draw_texels, open_figure
 from validation.render.image import Scale
 from validation.results import Array, Indices, Result, result_model
 from validation.schema import read_raw
@@ -535,9 +535,9 @@ def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path) -> Path:
     rows = (
         ("recorded", recorded, counts, "counts"),
         ("predicted", predicted, counts, "counts"),
-        ("difference", predicted - recorded, apart, "counts apart"),
+        ("difference", predicted - recorded, apart, "difference [counts]"),
     )
-    with open_figure(path, height=6.5) as figure:
+    with open_figure(path, height=6.5, width=PAGE if len(chosen) > 1 else COLUMN) as figure:
         axes = figure.subplots(len(rows), len(chosen), squeeze=False)
         for line, (name, images, scale, unit) in zip(axes, rows, strict=True):
             for axis, image, load in zip(line, images, hold_out.loads[chosen], strict=True):

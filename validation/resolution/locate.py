@@ -358,6 +358,8 @@ def locate_frames(
     least = -BELOW_ZERO * sensor.electronics.output_max
     found = []
     for number, time in enumerate(frames.times):
+        if progress:
+            progress(f"frame {number + 1} of {len(frames.times)}")
         if not frames.forces and frames.values[number].min() < least:
             found.append(LocatedFrame(time=time, words=("negative forces",)))
             continue

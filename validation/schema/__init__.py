@@ -192,6 +192,9 @@ def _explain(details: ErrorDetails, schema: type[Table]) -> tuple[str, ...]:
 
 def _show_example(place: Sequence[int | str], field: FieldInfo) -> str:
     """Return an accepted line of TOML for the key at a place; empty if its field has no example."""
+    if field.examples and isinstance(example := field.examples[0], dict):
+        entries = ", ".join(f"{json.dumps(key)} = {json.dumps(each)}" for key, each in example.items())
+        return f"{place[-1]} = {{ {entries} }}"
     if field.examples:
         return f"{place[-1]} = {json.dumps(field.examples[0])}"
     if not any(_find_tables(field.annotation, field.metadata)):

@@ -14,6 +14,8 @@ from validation.errors import shorten
 from validation.schema import Table, types
 from validation.text.quantity import find_factor, split_quantity
 
+#: An accepted table of designs.
+_DESIGNS = {"cover.layer[0].thickness": "1 mm : 5 mm : 5"}
 #: Largest number of designs of a sweep, and of values of one key [-].
 MOST_DESIGNS = 100_000
 _COLON = re.compile(r"\s*:\s*")
@@ -85,7 +87,9 @@ class SweepTables(Table):
 
     sensor: str = Field(examples=["sensor.toml"])
     measure: Annotated[list[str], types.OneOrMore(), Field(min_length=1, max_length=20)] = Field(examples=["derive"])
-    designs: Annotated[dict[str, Annotated[Axis, types.Read(_read_axis, _AXIS_JSON)]], Field(min_length=1)]
+    designs: Annotated[
+        dict[str, Annotated[Axis, types.Read(_read_axis, _AXIS_JSON)]], Field(min_length=1, examples=[_DESIGNS])
+    ]
     draw: Annotated[Literal["sobol", "random"] | None, types.choice("sobol", "random")] = None
     count: Annotated[int, types.number(1, MOST_DESIGNS, whole=True)] | None = None
     seed: Annotated[int, types.number(0, 2**32 - 1, whole=True)] = 0

@@ -42,7 +42,7 @@ press WTS BALL --layer 1:E=1MPa | mean 'youngs_modulus'
 press WTS BALL --model fast --friction 0.4 | --friction: the fast model has none
 press WTS BALL --friction sticky | --friction: 'sticky' is not zero, a positive number or no-slip
 press WTS BALL --model fast --accuracy 1% | the fast model has none
-press WTS BALL --model fast --out x | name fem
+press WTS BALL --model fast --out x | write --model fem
 press WTS BALL --model fem --curve 3 | --out
 press WTS BALL --model fem --curve 0 --out x | 1..1000
 press WTS BALL --model fem --method boxes | --method: --model names the finite elements alone

@@ -304,6 +304,17 @@ def test_the_command_and_the_function_agree(softcover, tmp_path, touches):
     assert "name the sensor that made the recording" in error
 
 
+def test_frames_at_rest_do_not_hide_the_touches_of_a_long_recording(softcover, tmp_path, touches):
+    counts = COUNTS.counts(press(touches, [0.3e-3, 0.5e-3], 1.5)[0])
+    head = ",".join(["time", *(f"texel_{each}" for each in range(84))])
+    lines = [f"{0.1 * k:.1f},{','.join(map(str, counts if k == 29 else 0 * counts))}" for k in range(30)]
+    (tmp_path / "long.csv").write_text("\n".join([head, *lines]) + "\n")
+    status, out, _ = softcover("locate", "wts-0614-34", "long.csv", "--noise", "5mN", "--radius", "0mm")
+    assert status == 0
+    assert " 2.90  " in out
+    assert "29 at rest" in out
+
+
 def read_picture(path):
     """Return words and numbers of a drawing, and whether a touch is drawn in it."""
     text = path.read_text()

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import re
+import tomllib
 
 import numpy as np
 import pytest
@@ -135,6 +136,15 @@ def test_maps_of_two_parameters_are_drawn(tmp_path, computed, monkeypatch):
     validation.sweep(write(tmp_path, {THICKNESS: "1 mm : 3 mm : 3"}), out=tmp_path / "one")
     for folder in ("one", "two"):
         assert {path.name for path in (tmp_path / folder).glob("*.png")} == {"bent.png", "wave.png"}
+
+
+def test_a_missing_table_of_designs_is_told_with_one_that_is_accepted(tmp_path, computed):
+    (tmp_path / "none.toml").write_text('sensor = "wts-0614-34"\nmeasure = "derive"\n')
+    with pytest.raises(InputError) as raised:
+        validation.sweep(tmp_path / "none.toml")
+    (fault,) = raised.value.faults
+    example = fault.partition("write for example ")[2]
+    assert tomllib.loads(example)["designs"] == {THICKNESS: "1 mm : 5 mm : 5"}
 
 
 def test_drawn_designs_lie_in_their_ranges(tmp_path, computed):

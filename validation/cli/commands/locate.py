@@ -62,8 +62,11 @@ def locate(
 
 
 def _print(found: Located, *, flat: bool) -> None:
-    rows = []
-    for frame in found.frames:
+    rows, rest = [], 0
+    touched = [frame for frame in found.frames if frame.touches]
+    if touched and len(found.frames) > _ROWS:  # Frames at rest would hide the touches.
+        rest = len(found.frames) - len(touched)
+    for frame in touched if rest else found.frames:
         for touch in frame.touches or (None,):
             x, y, z, force, radius = (touch.x, touch.y, touch.z, touch.force, touch.radius) if touch else (None,) * 5
             places = [_show(each, 1e3) for each in ((x, y) if flat else (x, y, z))]
@@ -71,8 +74,9 @@ def _print(found: Located, *, flat: bool) -> None:
             rows.append([f"{frame.time:.2f}", *places, _show(force, 1.0), _show(radius, 1e3), words])
     head = ("time [s]", "x [mm]", "y [mm]", *(() if flat else ("z [mm]",)), "force [N]", "radius [mm]", "")
     output.print_table(head, rows[:_ROWS], title=f"Touches of {found.sensor}", lines=False)
-    if len(rows) > _ROWS:
-        output.show(f"... and {len(rows) - _ROWS} more rows; --out FILE or --json has all\n")
+    if left := max(0, len(rows) - _ROWS) + rest:
+        more = f"{left - rest} more rows" * (left > rest) + " and " * (left > rest > 0) + f"{rest} at rest" * (rest > 0)
+        output.show(f"... and {more}; --out FILE or --json has all\n")
     output.print_meaning(found.explain())
 
 
