@@ -132,8 +132,8 @@ def test_labels_of_iso_lines_stand_on_their_lines_and_inside_the_axes():
     labels = {float(each.get_text()): each.get_position() for each in lines.labelTexts}
     assert set(labels) == {4, 8}
     for level, (across, up) in labels.items():
-        assert 1.4 <= across <= 4.6
-        assert 2.2 <= up <= 3.8
+        assert 1.2 <= across <= 4.8
+        assert 2.1 <= up <= 3.9
         assert across * (5 - up) == pytest.approx(level, rel=0.03)
 
 

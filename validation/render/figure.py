@@ -55,7 +55,7 @@ _DPI = 200
 #: Largest number of marks along one edge of a tactile image [-].
 _MARKS = 7
 #: Least distance of the label of an iso-line from the edges of its axes, over their length [-].
-_MARGIN = 0.1
+_MARGIN = 0.06
 
 
 @contextlib.contextmanager
