@@ -194,6 +194,7 @@ def test_what_is_no_file_is_not_replaced_by_scores(tmp_path, capsys, lines):
     assert pipe.is_fifo()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no full device")
 def test_a_full_disk_and_an_ascii_terminal_leave_no_traceback(tmp_path, lines):
     path, out = tmp_path / "mine.csv", tmp_path / "\u00fc.json"

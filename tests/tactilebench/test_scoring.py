@@ -53,6 +53,7 @@ def take_from(case, truths):
     return same[0].truth.forces * case.load / same[0].load if same else np.zeros(case.shape)
 
 
+@pytest.mark.slow
 def test_nulls_and_cheats_rank_as_they_must(known):
     models = {
         "perfect": lambda case: case.truth.forces,

@@ -304,6 +304,7 @@ def test_quantities_have_the_names_that_wishes_may_name(measure):
         assert set(found) == made.names
 
 
+@pytest.mark.slow
 def test_limits_of_a_sweep_take_a_prior(tmp_path):
     values = []
     for prior in ("around", "between"):
