@@ -107,7 +107,8 @@ class ContactFunctions:
         self._rim = np.ones((grid.rows, grid.columns))
         self._rim[1:-1, 1:-1] = 0
         self._rim *= array.margin is None and not parameters.ends_at_texels
-        self._warned = False
+        #: Whether the warning about the end of the grid was given, or cannot be needed.
+        self._told = not self._rim.any()
         y, x = np.mgrid[: grid.rows, : grid.columns].reshape(2, -1)
         places = (np.column_stack([x, y]) + 0.5) * self._edge + grid.low - self._middle
         #: Constants 1, x and y at each of N cells, and below them the columns of the slacks, shape (N + 3, 3) [-].
@@ -259,10 +260,9 @@ class ContactFunctions:
         """Add forces on texels, and warn once where a contact reaches the end of the grid."""
         xp = find_namespace(cells)
         at_end = xp.sum(cells * convert(self._rim, cells), axis=(-2, -1)) / xp.where(load > 0, load, 1.0)
-        most = float(xp.max(at_end)) if is_known(at_end) and 0 not in at_end.shape else 0.0
-        if goes_on(most) and not self._warned:
+        if not self._told and is_known(at_end) and 0 not in at_end.shape and goes_on(most := float(xp.max(at_end))):
             warn_user(f"array {self._array.name!r}: {describe_end(most)}", RangeWarning)
-            self._warned = True
+            self._told = True
         return ContactForces(cells, self.base_forces(cells), load, at_end)
 
     def _press(self, gap: Array, target: Array, fine: int, steps: int) -> Array:

@@ -74,9 +74,9 @@ def _print(found: Located, *, flat: bool) -> None:
             rows.append([f"{frame.time:.2f}", *places, _show(force, 1.0), _show(radius, 1e3), words])
     head = ("time [s]", "x [mm]", "y [mm]", *(() if flat else ("z [mm]",)), "force [N]", "radius [mm]", "")
     output.print_table(head, rows[:_ROWS], title=f"Touches of {found.sensor}", lines=False)
-    if left := max(0, len(rows) - _ROWS) + rest:
-        more = f"{left - rest} more rows" * (left > rest) + " and " * (left > rest > 0) + f"{rest} at rest" * (rest > 0)
-        output.show(f"... and {more}; --out FILE or --json has all\n")
+    left = {"more rows": max(0, len(rows) - _ROWS), "at rest": rest}
+    if words := " and ".join(f"{count} {name}" for name, count in left.items() if count):
+        output.show(f"... and {words}; --out FILE or --json has all\n")
     output.print_meaning(found.explain())
 
 
