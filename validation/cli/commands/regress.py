@@ -9,6 +9,9 @@ from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE
 from validation.errors import InputError
 
+#: Least change over its tolerance [-] whose quantity is named; the last bit of a sum changes less.
+LEAST_NAMED = 0.01
+
 
 def regress(
     sensor: options.Sensor,
@@ -105,6 +108,8 @@ def explain_verdict(changes: Mapping[str, float]) -> str:
     if not moved:
         worst = max(changes, key=lambda title: changes[title], default="")
         near = f"; the largest change is {changes[worst]:.2g} of its tolerance ({worst})" if worst else ""
+        if worst and changes[worst] < LEAST_NAMED:
+            near = f"; none changed by more than {LEAST_NAMED:g} of its tolerance"
         return f"All {len(changes)} quantities are within their tolerances{near}."
     groups = ", ".join(dict.fromkeys(title.partition(":")[0] for title in moved))
     return (

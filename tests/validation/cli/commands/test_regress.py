@@ -155,6 +155,9 @@ def test_a_built_in_sensor_is_derived_and_scored(softcover, tmp_path):
 
 def test_a_verdict_names_the_largest_change_or_the_groups_that_moved():
     assert explain_verdict({}) == "All 0 quantities are within their tolerances."
+    assert explain_verdict({"a: x": 1e-3, "b: y": 0.0}) == (
+        "All 2 quantities are within their tolerances; none changed by more than 0.01 of its tolerance."
+    )
     assert explain_verdict({"a: x": 0.25, "b: y": 1.0, "b: z": 0.5}) == (
         "All 3 quantities are within their tolerances; the largest change is 1 of its tolerance (b: y)."
     )
