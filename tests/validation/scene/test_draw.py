@@ -1,82 +1,16 @@
 """What the three views of a cover show, without drawing them: what stands where, in which colours, and its captions."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from meshes import Box, Cylinder, Pose, Prism, Roller, RoundedTip, Sphere, TexelArray
+from meshes import Box, Cylinder, Pose, Prism, Roller, RoundedTip, Sphere
+from tests.support.drawn_views import AT, describe
 from validation.scene import draw, rendering
-from validation.scene.cover_scene import CoverScene, _advance
+from validation.scene.cover_scene import _advance
 
 pyvista = pytest.importorskip("pyvista")
-
-#: Point of contact and largest distance from it that is drawn [mm].
-AT, AROUND = np.array([2.0, 1.0, 2.0]), 4.0
-
-
-@pytest.fixture
-def scene():
-    """A block of 16 x 16 x 2 mm of hexahedra of 1 mm, compressed by 0.05 mm, over 4 x 4 texels."""
-    grid = pyvista.ImageData(dimensions=(17, 17, 3), origin=(-8.0, -8.0, 0.0)).cast_to_unstructured_grid()
-    cells = grid.cells.reshape(-1, 9)[:, 1:]
-    cells = np.where(grid.celltypes[:, None] == pyvista.CellType.VOXEL, cells[:, [0, 1, 3, 2, 4, 5, 7, 6]], cells)
-    position = 1e-3 * np.asarray(grid.points, dtype=float)
-    forces = np.linspace(-0.001, 0.2, 16)
-    return CoverScene(
-        position=position, displacement=position * [0.0, 0.0, -0.025], cells=cells, thickness=2e-3,
-        surface=np.linspace(0.0, 5.0, len(position)), surface_label="pressure [kPa]",
-        inside=np.linspace(0.0, 7.0, len(position)), inside_label="displacement [mm]",
-        texels=TexelArray.grid(4, 4, pitch=4e-3), texel_forces=forces,
-        touched=1e-3 * AT, title="block", limits=1e-3 * AROUND, indenter=Sphere(radius=3e-3),
-        pose=Pose(point=tuple(1e-3 * (AT - [0, 0, 0.05]))), layers=("soft, 1 mm", "stiff, 1 mm"),
-        layer=(position[cells].mean(axis=1)[:, 2] > 1e-3).astype(int),
-    )  # fmt: skip
-
-
-@pytest.fixture
-def views(monkeypatch, tmp_path):
-    """Return the views of a scene: meshes by their scalars or colour, texts, ruled edges, camera."""
-    monkeypatch.setattr(rendering, "find_window_without_display", lambda: "")
-    drawn = []
-
-    def screenshot(plotter, _path):
-        drawn.extend(map(describe, plotter.renderers))
-        drawn.append(plotter.window_size)
-        assert plotter.off_screen
-
-    monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)
-
-    def show(scene):
-        drawn.clear()
-        draw.write_picture(scene, tmp_path / "cover.png")
-        return drawn
-
-    return show
-
-
-def describe(renderer):
-    """Copy what a renderer holds, as the plotter is closed after the picture."""
-    meshes, texts = [], []
-    for actor in renderer.actors.values():
-        if isinstance(actor, pyvista.Actor) and isinstance(actor.mapper.dataset, pyvista.DataSet):
-            mapper = actor.mapper
-            meshes.append(
-                SimpleNamespace(
-                    bounds=np.array(mapper.dataset.bounds), points=np.array(mapper.dataset.points),
-                    limits=tuple(mapper.scalar_range), name=mapper.array_name, opacity=actor.prop.opacity,
-                    colour=actor.prop.color.hex_rgb, logarithmic=mapper.lookup_table.log_scale,
-                )
-            )  # fmt: skip
-        elif isinstance(actor, pyvista.Text):
-            texts.append(actor.input)
-    edges = renderer.cube_axes_actor
-    return SimpleNamespace(
-        meshes=meshes, texts=texts, ruled=None if edges is None else np.array(edges.bounds),
-        marks=None if edges is None else (edges.n_xlabels, edges.n_ylabels),
-        bars=[bar.title for bar in renderer.actors.values() if hasattr(bar, "title")],
-    )  # fmt: skip
 
 
 def is_round_end(end, highest):
