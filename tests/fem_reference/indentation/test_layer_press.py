@@ -1,0 +1,341 @@
+"""Presses into layers with made-up solutions: finer grids, sides that are added, fields, warnings, and statements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fem_reference.errors import IncompletePathError, PiercedError, UnsupportedError
+from fem_reference.fields.cover_fields import CoverFields
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation import finite_strain, layered, rubbing, small_strain
+from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy
+from fem_reference.indentation.layered import LayerPress, press_layers, state_assumptions, study_nonlinear
+from fem_reference.indentation.result import PressProblem, state_missed_accuracy
+from meshes import Cone, Cylinder, Sphere, TexelArray
+from meshes.pose import Place, Pose
+from tests.support.rubber import make_cover, stack_layers
+
+BALL, PIN = Sphere(radius=4e-3), Cylinder(radius=1e-3)
+ARRAY = TexelArray.grid(1, 2, 2e-3)
+PLACE = Place(array=ARRAY, pose=Pose())
+RUBBER, LINEAR = make_cover(0.45), make_cover(0.45, "linear-elastic")
+
+
+@dataclass(frozen=True, eq=False)
+class Shares(Base):
+    """A load on the base with given forces on two texels and outside."""
+
+    values: tuple[float, float, float]
+
+    def forces(self, _array, _pose):
+        return np.array(self.values)
+
+
+def solve(force, depth, shares, area=1e-6, size=1.0):
+    """A made-up solution on one grid, whose texel forces are shares of its force."""
+    base = Shares(tuple(force * each for each in shares))
+    contact = np.array([[0.0, 0.0, force]])
+    return GridSolution(
+        size=size, total_force=force, depth=depth, area=area, contact=contact, base=base, energy=0.4 * force * depth
+    )
+
+
+def make_path(cover=LINEAR, indenter=BALL, targets=(1e-4,), control="depth", **options):
+    return LoadingPath(cover=cover, indenter=indenter, targets=targets, control=control, **options)
+
+
+class MadeUp(LayerPress):
+    """A press whose errors on each grid are given; a string stops the path there."""
+
+    def __init__(self, errors, told):
+        super().__init__(place=PLACE, progress=told.append)
+        object.__setattr__(self, "errors", errors)
+
+    def count_refinements(self, _path):
+        return len(self.errors) - 1
+
+    def solve_as_far(self, _path, refinement=0):
+        found = self.errors[refinement]
+        if isinstance(found, str):
+            raise IncompletePathError(found, [])
+        return [Stated(error_estimate=each, number=refinement) for each in found]
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A result with estimated errors and warnings."""
+
+    error_estimate: dict
+    number: int
+    warnings: tuple = ("known before",)
+
+
+def wish(*values):
+    return [{"total_force": value, "peak_texel": value / 2} for value in values]
+
+
+@pytest.mark.parametrize(
+    ("errors", "accuracy", "number", "missed", "lines"),
+    [
+        ([wish(0.02, 0.01), wish(0.005)], 0.02, 0, 0, 0),
+        ([wish(0.02, 0.03), wish(0.009, 0.011), wish(0.001)], 0.0115, 1, 0, 1),
+        ([wish(0.02), wish(0.04), wish(0.03)], 0.01, 0, 1, 2),
+        ([wish(0.05), wish(0.02), wish(0.02)], 0.01, 1, 1, 2),
+        ([wish(0.02), "stopped", wish(0.001)], 0.01, 0, 1, 1),
+    ],
+)
+def test_grids_are_added_until_the_largest_error_of_all_targets_is_small_enough(
+    errors, accuracy, number, missed, lines
+):
+    told = []
+    results = MadeUp(errors, told).refine(make_path(), accuracy)
+    assert {each.number for each in results} == {number}
+    assert len(told) == lines
+    for each in results:
+        assert len(each.warnings) == 1 + missed
+    if told:
+        largest = max(each["total_force"] for each in errors[0])
+        assert told[0] == f"estimated error {100 * largest:.3g} %, {100 * accuracy:.3g} % wanted: a finer grid is added"
+
+
+def test_a_path_that_no_grid_solves_is_not_refined():
+    with pytest.raises(IncompletePathError, match="stopped"):
+        MadeUp(["stopped", wish(0.001)], []).refine(make_path(), 0.01)
+
+
+def test_a_missed_accuracy_is_stated_with_the_errors_that_miss_it():
+    errors = {"total_force": 0.02, "depth": 0.01, "peak_texel": 0.0123}
+    found = state_missed_accuracy(Stated(error_estimate=errors, number=0), 0.01)
+    said = "1 % wanted, but the feasible grids reach total force 2 %, peak texel 1.23 %"
+    assert found.warnings == ("known before", said)
+    fine = Stated(error_estimate={"total_force": 0.01}, number=0)
+    assert state_missed_accuracy(fine, 0.01) is fine
+
+
+@pytest.mark.parametrize(
+    ("path", "most"),
+    [
+        (make_path(), len(small_strain.CELLS) - 3),
+        (make_path(friction=0.3), len(rubbing.GRIDS) - 3),
+        (make_path(RUBBER), len(finite_strain.GRIDS) - 3),
+        (make_path(replace(RUBBER, size=(9e-3, 9e-3))), 0),
+    ],
+)
+def test_grids_can_be_refined_as_often_as_there_are_finer_ones(path, most, monkeypatch):
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: False)
+    assert LayerPress(place=PLACE).count_refinements(path) == most
+
+
+def test_far_sides_do_not_hinder_finer_grids(monkeypatch):
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: True)
+    path = make_path(replace(RUBBER, size=(90e-3, 90e-3)))
+    assert LayerPress(place=PLACE).count_refinements(path) == len(finite_strain.GRIDS) - 3
+
+
+def test_sides_are_added_to_finite_strain_and_what_they_change_together_is_an_error(monkeypatch):
+    """Force per depth and shares of the texels: each effect multiplies or is added."""
+    cover = replace(RUBBER, size=(6e-3, 6e-3))
+    wide = GridStudy(solutions=[[solve(4.0, 1e-3, (0.5, 0.3, 0.2))] * 3], assumptions={"strain": "finite"})
+    plain = GridStudy(solutions=[[solve(3.0, 1e-3, (0.5, 0.25, 0.25))] * 3])
+    edged = GridStudy(solutions=[[solve(2.4, 1e-3, (0.6, 0.2, 0.2))] * 3])
+    monkeypatch.setattr(layered, "study_nonlinear", lambda path, *_: wide if path.cover.size is None else None)
+    monkeypatch.setattr(small_strain, "study_path", lambda path, *_: plain if path.cover.size is None else edged)
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: False)
+    path = make_path(cover, targets=(1e-3,))
+    found = layered.superpose_sides(path, PLACE, None)
+    for each in found.solutions[0]:
+        assert each.total_force == pytest.approx(2.4 * 4.0 / 3.0)
+        assert each.depth == pytest.approx(1e-3)
+        assert each.base.forces(ARRAY, Pose()) == pytest.approx(3.2 * np.array([0.6, 0.25, 0.15]))
+    together = max(0.1 * 0.2, (3.0 / 2.4 - 1) * 1e-3 / cover.thickness)
+    assert found.least_error == pytest.approx(together)
+    assert found.accurate is edged
+    assert found.assumptions["strain"] == "finite"
+    assert "what they change in finite strain" in found.assumptions["sides"]
+    # The product of two large effects on the texels exceeds that of the depth.
+    moved = GridStudy(solutions=[[solve(2.4, 1e-3, (0.9, 0.0, 0.1))] * 3])
+    far = GridStudy(solutions=[[solve(4.0, 1e-3, (0.1, 0.6, 0.3))] * 3])
+    monkeypatch.setattr(layered, "study_nonlinear", lambda *_: far)
+    monkeypatch.setattr(small_strain, "study_path", lambda path, *_: plain if path.cover.size is None else moved)
+    assert layered.superpose_sides(path, PLACE, None).least_error == pytest.approx((0.4 + 0.35 + 0.05) * 0.8)
+
+
+def test_far_sides_are_not_superposed(monkeypatch):
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: True)
+    monkeypatch.setattr(layered, "study_nonlinear", lambda *arguments: arguments)
+    path = make_path(replace(RUBBER, size=(90e-3, 90e-3)))
+    assert layered.superpose_sides(path, PLACE, None, 2) == (path, PLACE, None, 2)
+
+
+def test_a_face_beside_sides_is_extrapolated_before_it_is_added(monkeypatch):
+    cover = replace(RUBBER, size=(6e-3, 6e-3))
+    share = (0.5, 0.3, 0.2)
+
+    def converge(last):
+        """Forces that approach `last` in proportion to the size of the elements."""
+        return GridStudy(solutions=[[solve(last * (1 + 0.1 * size), 1e-3, share, size=size) for size in (4, 2, 1)]])
+
+    wide = GridStudy(solutions=[[solve(4.0, 1e-3, share)] * 3])
+    monkeypatch.setattr(layered, "study_nonlinear", lambda *_: wide)
+    monkeypatch.setattr(small_strain, "study_path", lambda path, *_: converge(3.0 if path.cover.size is None else 2.4))
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: False)
+    found = layered.superpose_sides(make_path(cover, PIN, (1e-3,)), PLACE, None)
+    assert found.solutions[0][-1].total_force == pytest.approx(2.4 * 4.0 / 3.0)
+    assert found.least_error == pytest.approx(0.25 * 0.5)
+
+
+@pytest.mark.parametrize(
+    ("path", "solver", "rubs"),
+    [
+        (make_path(friction=0.2), "rubbing", False),
+        (make_path(RUBBER, friction=0.2), "finite", True),
+        (make_path(RUBBER), "finite", False),
+        (make_path(replace(RUBBER, size=(9e-3, 9e-3)), friction=0.2), "finite", False),
+    ],
+)
+@pytest.mark.parametrize("depth", [1e-3, 2e-3])
+def test_friction_and_strain_choose_the_solver(path, solver, rubs, depth, monkeypatch):
+    study = GridStudy(solutions=[[solve(1.0, depth, (0.5, 0.3, 0.2))] * 3])
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: False)
+    monkeypatch.setattr(rubbing, "study_path", lambda *_: study)
+    monkeypatch.setattr(finite_strain, "study_path", lambda *given, start: ("finite", *given, start))
+    found = study_nonlinear(path, PLACE, None, 1, start="start")
+    if solver == "rubbing":
+        assert found is study
+    else:
+        # Rubber bears loads at which the linear solution would pierce the cover.
+        helped = study if rubs and depth < path.cover.thickness else None
+        assert found == ("finite", path, PLACE, None, 1, helped, "start")
+
+
+def test_sides_that_are_far_are_left_out_with_their_error(monkeypatch):
+    seen = []
+    monkeypatch.setattr(layered, "is_far_from_sides", lambda path, *_: path.cover.size is not None)
+    monkeypatch.setattr(
+        finite_strain, "study_path", lambda path, *_, start: seen.append((path, start)) or GridStudy(solutions=[])
+    )
+    found = study_nonlinear(make_path(replace(RUBBER, size=(90e-3, 90e-3))), PLACE, None, start="start")
+    assert seen == [(make_path(RUBBER), "start")]
+    assert found.least_error == 1e-3
+    assert found.assumptions["sides"] == "too far from the contact to matter"
+
+
+def put_contact(at, half, monkeypatch):
+    monkeypatch.setattr(small_strain, "estimate_contact", lambda path, *_: seen.append(path) or np.array(half)[None])
+    seen = []
+    return Place(array=ARRAY, pose=Pose.planar(at=at)), seen
+
+
+@pytest.mark.parametrize(
+    ("base", "gap"), [("bonded", 4.0), ("sliding", 15.0)],
+)  # fmt: skip
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_sides_are_far_beyond_a_multiple_of_the_decay_length(base, gap, share, monkeypatch):
+    """A contact whose farthest point is 0.5 mm from an axis at (2, -1) mm."""
+    place, seen = put_contact((2e-3, -1e-3), (0.3e-3, 0.4e-3), monkeypatch)
+    edge = 2 * (2e-3 + 0.5e-3 + share * gap * RUBBER.thickness)
+    cover = replace(RUBBER, base=base, size=(edge, edge + 1e-3))
+    assert layered.is_far_from_sides(make_path(cover), place) is (share > 1)
+    assert seen[0].cover.size is None
+    assert not layered.is_far_from_sides(make_path(cover, fields=True), place)
+    assert not layered.is_far_from_sides(make_path(replace(cover, size=None)), place)
+
+
+def test_friction_stretches_a_stiff_top_to_farther_sides(monkeypatch):
+    place, _ = put_contact((0.0, 0.0), (0.3e-3, 0.4e-3), monkeypatch)
+    cover = stack_layers((2e-3, 1e5, 0.45), (0.05e-3, 5e8, 0.4), size=(60e-3, 60e-3))
+    assert layered.is_far_from_sides(make_path(cover), place)
+    assert not layered.is_far_from_sides(make_path(cover, friction=0.2), place)
+
+
+def press_problem(**options):
+    known = {"array": ARRAY, "indenter": BALL, "pose": Pose(), "targets": (1e-4,), "control": "depth"}
+    return PressProblem(**(known | options))
+
+
+@pytest.mark.parametrize(
+    ("cover", "options", "kind", "words"),
+    [
+        (LINEAR, {"strain": "finite"}, UnsupportedError, "solved at small strain"),
+        (RUBBER, {"strain": "small"}, UnsupportedError, "solved at finite strain"),
+        (
+            LINEAR,
+            {"targets": (1e-3, 2e-3)},
+            PiercedError,
+            "at a depth of 2 mm the indenter would pierce.*thickness, 2 mm",
+        ),
+        (LINEAR, {"pose": Pose(direction=(0.6, 0.0, -0.8))}, UnsupportedError, "pressed along -z, not along"),
+        (
+            replace(LINEAR, size=(6e-3, 8e-3)),
+            {"pose": Pose.planar(at=(1e-3, 4.01e-3))},
+            ValueError,
+            r"axis at \(1, 4.01\) mm stands beside the cover, which measures 6 x 8 mm",
+        ),
+        (LINEAR, {"accuracy": 0.9e-4}, UnsupportedError, "the smallest error that is stated here is 0.01%"),
+        (LINEAR, {"accuracy": 5e-3, "friction": 0.2}, UnsupportedError, "stated here is 0.69%"),
+    ],
+)
+def test_presses_that_layers_do_not_take_are_refused(cover, options, kind, words):
+    with pytest.raises(kind, match=words):
+        press_layers(cover, press_problem(**options))
+
+
+def test_a_load_that_pierces_is_refused_with_the_largest_one(monkeypatch):
+    seen = []
+
+    def study(path, place, progress, refinement=0):
+        seen.append(path)
+        deep = path.control == "load"
+        return GridStudy(solutions=[[solve(7.0, 2.4e-3 if deep else 1.9e-3, (0.5, 0.3, 0.2))] * 3])
+
+    monkeypatch.setattr(small_strain, "study_path", study)
+    with pytest.raises(PiercedError, match=r"9 N would pierce the cover \(2.4 mm deep, the cover has 2 mm\).*most 7 N"):
+        LayerPress(place=PLACE).solve(make_path(targets=(9.0,), control="load"), 0)
+    assert (seen[1].targets, seen[1].control) == ((pytest.approx(0.98 * 2e-3),), "depth")
+
+
+@pytest.mark.parametrize(
+    ("cover", "indenter", "depth", "friction", "told"),
+    [
+        (LINEAR, BALL, 0.6e-3, 0.0, {"strain": "small", "friction": "frictionless", "base": "bonded"}),
+        (RUBBER, BALL, 0.9e-3, 0.25, {"strain": "finite", "friction": "Coulomb, coefficient 0.25", "base": "bonded"}),
+        (
+            replace(LINEAR, base="sliding", size=(6e-3, 8.5e-3)),
+            Cone(radius=1e-3, angle=2.0),
+            0.61e-3,
+            np.inf,
+            {
+                "strain": "small",
+                "friction": "no slip",
+                "base": "sliding",
+                "sides": "free, 6 x 8.5 mm, touched on top only",
+                "range": "indented to 30% of the thickness: more than small strain is meant for",
+            },
+        ),
+    ],
+)
+def test_assumptions_say_strain_friction_base_sides_and_range(cover, indenter, depth, friction, told):
+    assert state_assumptions(cover, indenter, depth, friction) == told
+
+
+def test_von_mises_stress_is_that_of_simple_states_and_scales():
+    """Tension, shear, pressure alone, and a plane state, from the differences of the principal stresses."""
+    stress = np.zeros((4, 3, 3))
+    stress[0, 0, 0] = -3.0
+    stress[1, 0, 2] = stress[1, 2, 0] = 2.0
+    stress[2] = 5.0 * np.eye(3)
+    stress[3] = np.diag([1.0, -2.0, 4.0])
+    made = SimpleNamespace(position=np.zeros((4, 3)), cells=np.zeros((1, 4), int), layer=np.zeros(1, int))
+    fields = CoverFields(
+        position=made.position, displacement=np.ones((4, 3)), stress=stress, cells=made.cells, layer=made.layer,
+        axisymmetric=True,
+    )  # fmt: skip
+    plane = np.sqrt((3.0**2 + 6.0**2 + 3.0**2) / 2)
+    assert fields.von_mises == pytest.approx([3.0, 2 * np.sqrt(3), 0.0, plane])
+    scaled = fields.scale(2.0, 3.0)
+    assert scaled.von_mises == pytest.approx(3 * fields.von_mises)
+    assert (scaled.displacement == 2.0).all()
