@@ -3,6 +3,8 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 # ruff: noqa: ANN001, ANN201, ANN202, PLR0917 -- arrays, whose types numba finds; it takes no keywords
 
+# Loops instead of operations on arrays: they compile in a tenth of the time.
+
 from __future__ import annotations
 
 import math
@@ -74,8 +76,8 @@ def share_points(chart, places, radii, count):
 
 
 @numba.njit(cache=True, fastmath={"reassoc", "contract"})
-def _add(shares, target, weight, normal, right):
-    """Fill the lower half of the normal equations of least squares, shapes (3, 3) and (3,)."""
+def _add(shares, target, weight, power, normal, right):
+    """Fill the lower half of the normal equations of least squares, times a power, shapes (3, 3) and (3,)."""
     force, oval, turned = shares[0], shares[1], shares[2]
     a = b = c = d = e = f = x = y = z = 0.0
     for k in range(len(target)):
@@ -84,6 +86,10 @@ def _add(shares, target, weight, normal, right):
         e, f, x, y, z = e + q * turned[k], f + r * turned[k], x + p * target[k], y + q * target[k], z + r * target[k]
     normal[0, 0], normal[1, 0], normal[1, 1], normal[2, 0], normal[2, 1], normal[2, 2] = a, b, c, d, e, f
     right[0], right[1], right[2] = x, y, z
+    for i in range(3):
+        right[i] *= power
+        for j in range(i + 1):
+            normal[i, j] *= power
 
 
 @numba.njit(cache=True)
@@ -127,7 +133,10 @@ def _bound(normal, right, most, linear, root):
     """
     oval = (_OVAL * max(linear[0], 1e-3 * most)) ** -2
     for _ in range(_SHORTENED):
-        root[:], linear[:] = normal, right
+        for i in range(3):
+            linear[i] = right[i]
+            for j in range(3):
+                root[i, j] = normal[i, j]
         root[0, 0] += 12 / most**2
         root[1, 1] += oval
         root[2, 2] += oval
@@ -150,11 +159,11 @@ def _solve(shares, texels, noise, most, power, linear, root, weight, residual):
     """Fill linear parameters (3,), the root of their precision (3, 3), and deviations of texels (s,) at one place."""
     target, known, sign = texels[0], texels[1], texels[2]
     normal, right = np.zeros((3, 3)), np.zeros(3)
-    weight[:], linear[0] = known, most / 2
+    linear[0] = most / 2
+    for k in range(len(target)):
+        weight[k] = known[k]
     for _ in range(_PASSES):
-        _add(shares, target, weight, normal, right)
-        normal *= power
-        right *= power
+        _add(shares, target, weight, power, normal, right)
         _bound(normal, right, most, linear, root)
         _combine(linear, shares, residual)
         same = linear[1] == 0
@@ -165,7 +174,8 @@ def _solve(shares, texels, noise, most, power, linear, root, weight, residual):
                 same, weight[k] = same and wrong == weight[k], wrong
         if same:
             break
-    residual *= np.sqrt(weight)
+    for k in range(len(target)):
+        residual[k] *= math.sqrt(weight[k])
 
 
 @numba.njit(cache=True)
@@ -215,7 +225,8 @@ def fit_touches(chart, texels, noise, most, power, places, radii, more):
         found = linear[point]
         _solve(shares[point], texels, noise, most, power, found, root, weight, residual[point])
         _turn(root, more[point])
-        found += more[point]
+        for i in range(3):
+            found[i] += more[point, i]
         logs[point, 0] = -math.log(root[0, 0])
         if oval:
             force = max(found[0], _TINY)

@@ -1,7 +1,8 @@
-"""Compiled mixtures of t-distributions: drawing, weighing, and description of weighted points by clusters."""
+"""Mixtures of t-distributions: drawing, weighing, and description of weighted points by clusters."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
-# ruff: noqa: ANN001, ANN201, PLR0917 -- arrays, whose types numba finds; it takes no keywords
+# ruff: noqa: ANN001, ANN201, ANN202, PLR0917 -- arrays, whose types numba finds; it takes no keywords
+# Loops instead of operations on arrays: they compile in a tenth of the time.
 
 from __future__ import annotations
 
@@ -9,6 +10,8 @@ import math
 
 import numba
 import numpy as np
+
+from meshes.array_types import FloatArray
 
 #: Degrees of freedom of proposals, their widening, number of clusters, and passes in which they are found [-].
 TAILS, WIDENED, _CLUSTERS, _PASSES = 8, 1.1, 8, 4
@@ -32,26 +35,40 @@ def draw_mixture(shares, means, roots, normal, tails, uniform):
         Points, shape (m, d), and the logarithm of the normal distribution over the density there, shape (m,).
     """
     (count, size), sums = means.shape, np.cumsum(shares)
-    z, density = np.empty((len(normal), size)), np.zeros(len(normal))
+    z, logs, apart = np.zeros((len(normal), size)), np.zeros(len(normal)), np.zeros(size)
     for point in range(len(z)):
         k = min(np.searchsorted(sums, uniform[point]), count - 1)
+        density = 0.0
         for i in range(size):
             z[point, i] = means[k, i]
             for j in range(i + 1):
                 z[point, i] += tails[point] * roots[k, i, j] * normal[point, j]
-    for k in range(count):
-        apart = (np.linalg.solve(roots[k], (z - means[k]).T.copy()) ** 2).sum(axis=0)
-        scale = shares[k] / np.prod(np.diag(roots[k]))
-        density += scale * (1 + apart / TAILS) ** (-(TAILS + size) / 2)
-    return z, -(z**2).sum(axis=1) / 2 - np.log(density)
+            logs[point] -= z[point, i] ** 2 / 2
+        for k in range(count):
+            scale, square = shares[k], 0.0
+            for i in range(size):
+                apart[i] = z[point, i] - means[k, i]
+                for j in range(i):
+                    apart[i] -= roots[k, i, j] * apart[j]
+                apart[i] /= roots[k, i, i]
+                scale, square = scale / roots[k, i, i], square + apart[i] ** 2
+            density += scale * (1 + square / TAILS) ** (-(TAILS + size) / 2)
+        logs[point] -= math.log(density)
+    return z, logs
 
 
 @numba.njit(cache=True)
 def weigh(logarithms):
     """Return weights of their logarithms, shape (m,), whose sum is one, and the number of points that count."""
-    weights = np.exp(logarithms - logarithms.max())
-    weights /= weights.sum()
-    return weights, 1 / (weights**2).sum()
+    most, total, squared, weights = -np.inf, 0.0, 0.0, np.zeros(len(logarithms))
+    for logarithm in logarithms:
+        most = max(most, logarithm)
+    for k in range(len(weights)):
+        weights[k] = math.exp(logarithms[k] - most)
+        total, squared = total + weights[k], squared + weights[k] ** 2
+    for k in range(len(weights)):
+        weights[k] /= total
+    return weights, total**2 / squared
 
 
 @numba.njit(cache=True)
@@ -68,28 +85,42 @@ def raise_power(likely, odds, least, most, wanted):
 
 
 @numba.njit(cache=True)
-def find_clusters(z, weights):
+def _find_nearest(points, centres):
+    """Return the number of the centre (k, d) nearest to each point (m, d)."""
+    nearest = np.zeros(len(points), np.int64)
+    for i in range(len(points)):
+        least = np.inf
+        for k in range(len(centres)):
+            apart = 0.0
+            for j in range(points.shape[1]):
+                apart += (points[i, j] - centres[k, j]) ** 2
+            if apart < least:
+                least, nearest[i] = apart, k
+    return nearest
+
+
+def find_clusters(z: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Describe weighted points (m, d) by a few clusters (Lloyd's algorithm), so that bent posteriors are followed.
 
     Returns:
         Weights, means and roots as `draw_mixture` takes them.
     """
-    size, tiny, apart = z.shape[1], _TINY * np.eye(z.shape[1]), z - weights @ z
-    whole = (weights * apart.T) @ apart + tiny
-    white = np.linalg.solve(np.linalg.cholesky(whole), apart.T.copy()).T.copy()
+    size, mean = z.shape[1], weights @ z
+    apart = z - mean
+    products = (apart[:, :, None] * apart[:, None]).reshape(len(z), -1)
+    tiny = _TINY * np.eye(size)
+    whole = (weights @ products).reshape(size, size) + tiny
+    white = np.linalg.solve(np.linalg.cholesky(whole), apart.T).T
     order = np.argsort(white[:, 0])
     parts = np.searchsorted(np.cumsum(weights[order]), (np.arange(_CLUSTERS) + 0.5) / _CLUSTERS)
     centres = white[order[np.minimum(parts, len(z) - 1)]]
     for _ in range(_PASSES):
-        near = np.argmin((centres**2).sum(axis=1) - 2 * white @ centres.T, axis=1)
-        member = weights.reshape(-1, 1) * (near.reshape(-1, 1) == np.arange(len(centres)))
-        member = member[:, member.sum(axis=0) > 0].copy()
-        share = member.sum(axis=0)
-        centres = member.T.copy() @ white / share.reshape(-1, 1)
-    means, roots = member.T.copy() @ z / share.reshape(-1, 1), np.empty((len(share), size, size))
-    for k in range(len(share)):
-        part, apart = member[:, k] / share[k], z - means[k]
-        trust = 1 / (1 + size * (part**2).sum())
-        covariance = trust * ((part * apart.T) @ apart) + (1 - trust) / len(share) * whole + tiny
-        roots[k] = WIDENED * np.linalg.cholesky(covariance)
-    return (share + 0.02) / (share + 0.02).sum(), means, roots
+        member = weights * (_find_nearest(white, centres) == np.arange(len(centres))[:, None])
+        share = member.sum(axis=1)
+        part = member[share > 0] / share[share > 0, None]
+        centres, share = part @ white, share[share > 0]
+    means = part @ apart
+    covariance = (part @ products).reshape(-1, size, size) - means[:, :, None] * means[:, None]
+    trust = (1 / (1 + size * (part**2).sum(axis=1)))[:, None, None]
+    covariance = trust * covariance + (1 - trust) / len(share) * whole + tiny
+    return (share + 0.02) / (share + 0.02).sum(), mean + means, WIDENED * np.linalg.cholesky(covariance)

@@ -15,7 +15,7 @@ from meshes import Cover, TexelArray
 from meshes.solids import fingertip, phalanx
 from validation.errors import InputError
 from validation.resolution.channel import Channel, make_channel
-from validation.resolution.limits import Study, find_cell, find_limits, find_place_error, list_limits
+from validation.resolution.limits import Study, find_cell, find_place_error, list_limits
 from validation.resolution.touches import find_touches
 from validation.sensor_file import CURVED
 
@@ -267,7 +267,7 @@ def test_a_cell_between_texels_lies_within_the_array(rows, columns):
 def test_one_texel_has_no_cell_between():
     sensor = replace(WTS, array=TexelArray.grid(1, 1, WTS.array.pitch, texel_size=WTS.array.texel_size))
     with pytest.raises(InputError, match="--prior: no texel that measures is next to texel 0"):
-        find_limits(sensor, load=1.0, noise=NOISE, prior="between")
+        find_cell(find_touches(sensor.cover, sensor), 0)
 
 
 @pytest.mark.slow
