@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from fem_reference.closed_form.contact import indent
 from fem_reference.errors import UnsupportedError
+from fem_reference.indentation import relaxing
 from fem_reference.indentation.relaxing import ElasticCurve, follow_curves, follow_press
 from meshes import Cover, Cylinder, Layer, Material, Pose, Sphere
 from meshes.catalogue import ARRAYS
@@ -101,6 +102,28 @@ def test_a_polynomial_in_the_modulus_is_refused_where_it_does_not_hold():
     assert np.abs(found.forces - wanted).max() / wanted.max() < found.error_estimate["moduli"] + 2e-4 < 0.01
     with pytest.raises(UnsupportedError, match=r"falls to 5 % of its start: the estimated error exceeds 1%; let"):
         follow_rational(0.95)
+
+
+@pytest.mark.parametrize(("power", "is_flat"), [(1.0, True), (1.5, False)])
+def test_a_constant_bulk_modulus_delays_the_creep_under_a_load(power, is_flat, monkeypatch):
+    """A force (a + b x) depth^power at a share x of the modulus, as if relaxation were b g / (a + b) in all."""
+    monkeypatch.setattr(relaxing, "_INSTANTS", 16)
+    a, b, g, tau, load = 2.0, 3.0, 0.5, 2.0, 0.7
+    depth = 1e-5 * np.linspace(0.1, 1, 10) ** 2
+    curves = {}
+    for x in (1 - g / 2 + g / 2 * np.cos(np.pi * np.arange(5) / 4)).tolist():
+        force = (a + b * x) * (depth / 1e-5) ** power
+        curves[x] = ElasticCurve(depths=depth, values=np.column_stack([force, 0.8 * force, 0.2 * force]))
+    relaxation = Relaxation(g=(g,), tau=(tau,), bulk="constant")
+    found = follow_curves(curves, relaxation, [0.0, 9.0], np.full(2, load), control="load", is_flat=is_flat)
+    part = g * b / (a + b)
+    creep = 1 + part / (1 - part) * (1 - np.exp(-found.times * (1 - part) / tau))
+    assert (found.depths / 1e-5) ** power == pytest.approx(load / (a + b) * creep, rel=5e-3)
+    assert found.forces == pytest.approx(load)
+    assert found.texel_forces[:, 0] == pytest.approx(0.8 * found.forces)
+    assert found.outside == pytest.approx(0.2 * found.forces)
+    # Without relaxation the same load leaves the first depth and the same shares.
+    assert found.fast == pytest.approx(np.tile([0.8 * load, 0.2 * load], (len(found.times), 1)))
 
 
 def test_a_modulus_that_vanishes_is_refused_before_a_solve():
