@@ -15,7 +15,7 @@ from fem_reference.indentation import finite_strain, layered, rubbing, small_str
 from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy
 from fem_reference.indentation.layered import LayerPress, press_layers, state_assumptions, study_nonlinear
 from fem_reference.indentation.result import PressProblem, state_missed_accuracy
-from meshes import Cone, Cylinder, Sphere, TexelArray
+from meshes import Box, Cone, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover, stack_layers
 
@@ -339,3 +339,48 @@ def test_von_mises_stress_is_that_of_simple_states_and_scales():
     scaled = fields.scale(2.0, 3.0)
     assert scaled.von_mises == pytest.approx(3 * fields.von_mises)
     assert (scaled.displacement == 2.0).all()
+
+
+def on_grids(solution):
+    """The same solution on three grids."""
+    return [replace(solution, size=size) for size in (4.0, 2.0, 1.0)]
+
+
+@pytest.mark.parametrize(("control", "share"), [("load", 1.25), ("depth", 1.0)])
+def test_fields_are_scaled_to_the_force_and_state_how_far_the_top_is_off_the_face(control, share, monkeypatch):
+    """A sliding column under even pressure sinks by force H / (E A); the depth of the solution differs by a share."""
+    size, force = (3e-3, 2e-3), 0.03
+    cover = stack_layers((2e-3, 1e6, 0.3), size=size, base="sliding")
+    sunk = force * 2e-3 / (1e6 * size[0] * size[1])
+    axes = [(np.arange(n) + 0.5) / n * edge - edge / 2 for n, edge in zip((24, 16), size, strict=True)]
+    x, y = (each.ravel() for each in np.meshgrid(*axes, indexing="ij"))
+    contact = np.column_stack([x, y, np.full(x.size, force / x.size)])
+    one = replace(solve(force, share * sunk, (0.5, 0.3, 0.2), area=6e-6), contact=contact)
+    monkeypatch.setattr(small_strain, "study_path", lambda *_: GridStudy(solutions=[on_grids(one)]))
+    target = force if control == "load" else share * sunk
+    path = make_path(cover, Box(size=(4e-3, 4e-3, 1e-3)), (target,), control, fields=True)
+    (found,) = LayerPress(place=PLACE).solve(path, 0)
+    assert found.fields.error == pytest.approx(1 - 1 / share, abs=0.02)
+    assert f"is {found.fields.error:.2%} of the depth off the indenter" in found.assumptions["fields"]
+    top = found.fields.position[:, 2] > 2e-3 - 1e-9
+    assert found.fields.displacement[top, 2] == pytest.approx(-sunk, rel=0.02)
+    assert found.contact_forces.sum(axis=0) == pytest.approx([0, 0, -force])
+    assert found.contact_points[:, 2] == pytest.approx(2e-3 - share * sunk)
+    assert (found.total_force, found.depth) == (pytest.approx(force), pytest.approx(share * sunk))
+    assert found.energy == pytest.approx(0.4 * force * share * sunk)
+    assert found.texel_forces == pytest.approx([0.5 * force, 0.3 * force])
+    assert (found.outside, found.balance) == (pytest.approx(0.2 * force), pytest.approx(0.0, abs=1e-12))
+    assert found.error_estimate["total_force" if control == "load" else "depth"] == 0.0
+
+
+def test_forces_on_the_base_that_miss_the_load_are_told(monkeypatch):
+    for missing, told in ((0.0009, False), (0.0011, True)):
+        one = solve(2.0, 1e-4, (0.5, 0.3, 0.2 - missing))
+        monkeypatch.setattr(small_strain, "study_path", lambda *_, one=one: GridStudy(solutions=[on_grids(one)]))
+        (found,) = LayerPress(place=PLACE).solve(make_path(targets=(2.0,), control="load"), 0)
+        assert found.balance == pytest.approx(-missing)
+        assert any("the forces on the base differ from the load by -0.11%" in each for each in found.warnings) is told
+        assert found.error_estimate["peak_texel"] == pytest.approx(missing)
+        assert found.texel_errors[0] == pytest.approx(missing * 1.0, rel=1e-6)
+        assert found.base_force == pytest.approx([0, 0, -2.0 * (1 - missing)])
+        assert found.unmeasured == pytest.approx([0, 0, -2.0 * (0.2 - missing)])
