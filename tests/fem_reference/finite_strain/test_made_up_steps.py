@@ -1,0 +1,186 @@
+"""Loading paths whose steps succeed or fail as told: viscous motion, first steps, augmentation, and guesses."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fem_reference.errors import ConvergenceError, PathConvergenceError
+from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, Guess
+from fem_reference.finite_strain.loading_path import Units
+
+
+class Surface:
+    """A contact that notes what it is told."""
+
+    def __init__(self, friction=0.0):
+        self.friction, self.weight, self.told = friction, np.ones(2), []
+
+    def augment(self, pressure):
+        self.told.append(("augment", float(pressure.max())))
+
+    def stiffen(self, pressure):
+        self.told.append(("stiffen", pressure))
+
+    def record_slip(self, contact):
+        self.told.append(("record", contact.pressure.max()))
+
+
+class Steps(ContactProblem):
+    """A problem whose solutions are given: `answer` takes depth, load, drag and tolerance."""
+
+    def __init__(self, answer, *, friction=0.0, overlap=1e-3, friction_steps=4):
+        solid = SimpleNamespace(elements=SimpleNamespace(displacements=3, pressures=1))
+        super().__init__(
+            solid=solid, contact=Surface(friction), constrained=np.zeros(0, int), units=Units(length=2e-3, stress=1e6),
+            overlap=overlap, friction_steps=friction_steps,
+        )  # fmt: skip
+        object.__setattr__(self, "asked", [])
+        object.__setattr__(self, "answer", answer)
+
+    def _solve(self, state, depth, load, used, *, tolerance, near=None, drag=0.0):
+        call = SimpleNamespace(
+            state=state, depth=depth, load=load, used=used, tolerance=tolerance, near=near, drag=drag
+        )
+        self.asked.append(call)
+        found = self.answer(call)
+        if found is None:
+            raise ConvergenceError("told to fail")
+        depth = found.get("depth", depth)
+        contact = SimpleNamespace(
+            overlap=found.get("overlap", 0.0), pressure=np.full(2, found.get("pressure", 5.0)), total=0.0
+        )
+        return ContactEquilibrium(
+            state=state + 1, depth=depth, load=10 * depth if load is None else load, contact=contact,
+            reaction=np.zeros(4), iterations=used + found.get("iterations", 2),
+        )  # fmt: skip
+
+
+def follow(problem, target=0.4, *, control="depth", first=0.02, **options):
+    return problem.follow([target], control=control, first=first, **options)[0]
+
+
+GUESS = Guess(state=np.full(4, 7000.0), depth=0.38, contact_pressure=3.0)
+
+
+def test_a_guess_that_fails_creeps_with_a_drag_that_falls_to_none():
+    """The drag begins at 1000, falls to a fifth after each step that moves, and is left out below 1."""
+    problem = Steps(lambda call: None if call.drag == 0 and len(problem.asked) == 1 else {})
+    found = follow(problem, guesses=[GUESS])
+    drags = [call.drag for call in problem.asked]
+    assert drags[:8] == pytest.approx([0.0, 1000.0, 200.0, 40.0, 8.0, 1.6, 0.32, 0.0])
+    # Each step begins where the last one came to rest, at the depth of the target.
+    assert [call.state[0] for call in problem.asked[:4]] == [7000.0, 7000.0, 7001.0, 7002.0]
+    assert {call.depth for call in problem.asked[:8]} == {0.4}
+    assert [call.used for call in problem.asked[:4]] == [0, 0, 2, 4]
+    assert problem.contact.told[:2] == [("augment", 0.0), ("stiffen", 3.0)]
+    assert found.depth == 0.4
+
+
+def test_a_step_of_the_motion_that_fails_gets_more_drag():
+    fails = {0, 2, 3}
+    problem = Steps(lambda _call: None if len(problem.asked) - 1 in fails else {})
+    follow(problem, guesses=[GUESS])
+    drags = [call.drag for call in problem.asked]
+    assert drags[:6] == pytest.approx([0.0, 1000.0, 200.0, 1000.0, 5000.0, 1000.0])
+
+
+def test_a_motion_at_rest_ends_at_once():
+    """A step without an iteration has not moved, so that the next one has no drag."""
+    problem = Steps(lambda call: None if len(problem.asked) == 1 else {"iterations": 0 if call.drag else 1})
+    follow(problem, guesses=[GUESS])
+    assert [call.drag for call in problem.asked][:3] == [0.0, 1000.0, 0.0]
+
+
+@pytest.mark.parametrize(("friction", "tries"), [(0.0, 25), (0.3, 1)])
+def test_a_motion_without_rest_is_given_up_and_friction_never_creeps(friction, tries):
+    """The path then begins from the undeformed state, whose unknowns are zero."""
+    problem = Steps(lambda call: {} if call.state[0] < 7000 else None, friction=friction)
+    follow(problem, guesses=[GUESS])
+    assert sum(call.state[0] == 7000 for call in problem.asked) == tries
+    rest = problem.asked[tries]
+    assert (rest.state == 0).all()
+    assert (rest.depth, rest.load, rest.near) == (0.02, None, None)
+
+
+@pytest.mark.parametrize(("most", "depth"), [(1.0, 0.02), (0.011, 0.01), (0.0026, 0.0025)])
+def test_a_first_step_is_halved_until_it_converges(most, depth):
+    problem = Steps(lambda call: {} if call.depth <= most or call.state[0] > 0 else None)
+    follow(problem)
+    first = next(call for call in problem.asked if call.state[0] > 0 or call.depth == depth)
+    assert first.depth == pytest.approx(depth)
+    tried = [call.depth for call in problem.asked[: problem.asked.index(first) + 1]]
+    assert tried == pytest.approx([0.02 / 2**k for k in range(len(tried))])
+
+
+@pytest.mark.parametrize(("control", "tried"), [("depth", (0.04, 0.08)), ("load", (0.04, 0.08, 0.16, 0.32))])
+def test_a_first_step_that_no_halving_helps_is_doubled_up_to_the_target(control, tried):
+    """Twelve steps down to 0.02 / 2048 and four up; none is deeper than a target depth."""
+    problem = Steps(lambda _call: None)
+    with pytest.raises(PathConvergenceError, match=r"no convergence even at a depth of 1.95e-05 mm") as stopped:
+        follow(problem, 0.15, control=control)
+    depths = [call.depth for call in problem.asked]
+    assert depths == pytest.approx([*(0.02 / 2**k for k in range(12)), *tried])
+    assert {call.tolerance for call in problem.asked} == {1e-3}
+    assert stopped.value.cause in str(stopped.value)
+
+
+def test_with_friction_the_first_step_is_a_part_of_the_target():
+    problem = Steps(lambda _call: {}, friction=0.3, friction_steps=16)
+    follow(problem, 0.16)
+    assert problem.asked[0].depth == pytest.approx(0.01)  # 0.02 is more than a sixteenth
+    load = Steps(lambda _call: {}, friction=0.3, friction_steps=16)
+    follow(load, 1.0, control="load")  # ten per depth: 0.005 bears 0.05
+    assert [call.depth for call in load.asked if call.load is None][:3] == [0.02, 0.01, 0.005]
+
+
+def test_the_penetration_at_a_target_is_reduced_until_it_is_small():
+    """It falls to a third with each augmentation, each of which adds the pressure that was found."""
+    overlaps = iter([0.1 * 0.4, 0.03 * 0.4, 0.01 * 0.4, 0.5e-3 * 0.4, 0.5e-3 * 0.4])
+    pressures = iter([5.0, 6.0, 7.0, 8.0, 9.0])
+    problem = Steps(lambda _call: {"overlap": next(overlaps), "pressure": next(pressures)})
+    found = follow(problem, guesses=[GUESS])
+    augmented = [value for name, value in problem.contact.told if name == "augment"]
+    assert augmented == [0.0, 5.0, 6.0, 7.0]
+    assert [call.tolerance for call in problem.asked] == [1e-3] * 4 + [1e-6]
+    assert found.contact.overlap == pytest.approx(0.5e-3 * 0.4)
+    assert found.before_augmentation.contact.overlap == pytest.approx(0.04)
+    assert found.penalty_solution is found.before_augmentation
+    assert found.before_augmentation.penalty_solution is found.before_augmentation
+
+
+def test_an_augmentation_that_fails_is_taken_back():
+    """Near the goal no viscous motion is tried; the pressure of the last solution that worked is added again."""
+    overlaps = iter([3e-3 * 0.4, 2e-3 * 0.4, None, 2e-3 * 0.4])
+
+    def answer(_call):
+        overlap = next(overlaps)
+        return None if overlap is None else {"overlap": overlap, "pressure": 1e3 * overlap}
+
+    problem = Steps(answer)
+    found = follow(problem, guesses=[GUESS])
+    augmented = [value for name, value in problem.contact.told if name == "augment"]
+    assert augmented == pytest.approx([0.0, 1.2, 0.8, 1.2])
+    assert found.contact.overlap == pytest.approx(0.8e-3)
+    assert [call.drag for call in problem.asked] == [0.0] * 4
+
+
+def test_at_most_six_augmentations_are_made():
+    problem = Steps(lambda _call: {"overlap": 2e-3})
+    follow(problem, guesses=[GUESS])
+    assert [call.tolerance for call in problem.asked] == [1e-3] * 7 + [1e-6]
+
+
+def test_steps_to_a_target_begin_at_the_first_guess_between_that_converges():
+    """Guesses beyond the target are left out, and the first step is a quarter of what is left."""
+    between = [
+        Guess(state=np.full(4, 100.0 + k), depth=depth, load=10 * depth) for k, depth in enumerate((0.5, 0.3, 0.2))
+    ]
+    problem = Steps(lambda call: None if call.state[0] == 101.0 or call.drag else {})
+    follow(problem, between=between)
+    begun = [call for call in problem.asked if call.drag == 0 and call.tolerance == 1e-3]
+    assert [call.state[0] for call in begun[:2]] == [101.0, 102.0]
+    assert begun[1].depth == 0.2
+    assert begun[2].depth == pytest.approx(0.2 + 0.25 * 0.2)
