@@ -332,7 +332,10 @@ def _cross_round(kind: int, size: Vector, edge: float, o: Vector, u: Vector) -> 
         a, b, c = size
         return _cross_ball((o[0] / a, o[1] / b, o[2] / c), (u[0] / a, u[1] / b, u[2] / c), 1.0)
     low, high = _cross_cylinder(size[0], size[1], edge if kind == CYLINDER else 0.0, o, u)
-    if kind == CAPSULE and not (low <= high and abs(o[2] + low * u[2]) < (1 - _PARALLEL) * size[1]):
+    round_side = (1 - _PARALLEL) * size[1]
+    if kind == CAPSULE and not (
+        low <= high and abs(o[2] + low * u[2]) < round_side and abs(o[2] + high * u[2]) < round_side
+    ):
         # Beyond its round side, the capsule is the union of the cylinder and of the two balls at its ends.
         if low > high:
             low, high = np.inf, -np.inf

@@ -78,7 +78,8 @@ def _displace(
         moved[i] = own[i] * forces[i] + weight[0, i] * window[row, col] + weight[1, i] * window[row, col + 1]
         moved[i] += weight[2, i] * window[row + 1, col] + weight[3, i] * window[row + 1, col + 1]
     if len(shares):
-        moved += np.dot(np.dot(remainder, np.dot(shares, forces)), shares)
+        # `moved` may be longer, with entries for slacks behind the cells
+        moved[: len(forces)] += np.dot(np.dot(remainder, np.dot(shares, forces)), shares)
 
 
 @called_by_kernels
