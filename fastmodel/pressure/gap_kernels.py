@@ -332,10 +332,8 @@ def _cross_round(kind: int, size: Vector, edge: float, o: Vector, u: Vector) -> 
         a, b, c = size
         return _cross_ball((o[0] / a, o[1] / b, o[2] / c), (u[0] / a, u[1] / b, u[2] / c), 1.0)
     low, high = _cross_cylinder(size[0], size[1], edge if kind == CYLINDER else 0.0, o, u)
-    round_side = (1 - _PARALLEL) * size[1]
-    if kind == CAPSULE and not (
-        low <= high and abs(o[2] + low * u[2]) < round_side and abs(o[2] + high * u[2]) < round_side
-    ):
+    rim = (1 - _PARALLEL) * size[1]
+    if kind == CAPSULE and not (low <= high and abs(o[2] + low * u[2]) < rim and abs(o[2] + high * u[2]) < rim):
         # Beyond its round side, the capsule is the union of the cylinder and of the two balls at its ends.
         if low > high:
             low, high = np.inf, -np.inf
@@ -364,8 +362,7 @@ def _cross_cylinder(radius: float, length: float, edge: float, o: Vector, u: Vec
     The radius is enlarged in proportion to uz^2: fully for an upright cylinder, which presses with its sharp edge, and
     not at all for a horizontal cylinder, which presses with its round side.
     """
-    radius += edge * u[2] ** 2
-    length += edge
+    radius, length = radius + edge * u[2] ** 2, length + edge
     bottom, top = -np.inf, np.inf
     if abs(u[2]) > _PARALLEL:
         bottom, top = -o[2] / u[2] - abs(length / u[2]), -o[2] / u[2] + abs(length / u[2])
