@@ -1,0 +1,222 @@
+"""When a sensor samples and makes frames, what it leaves out, and with which values it starts."""
+
+import dataclasses
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+import fastmodel
+from fastmodel import Butterworth, ChainFunctions, FastModelError, OptionWarning
+from fastmodel.errors import LifeCycleError
+from fastmodel.state import make_generator
+from tests.support.cover_data import WTS, parameters
+from tests.support.scenes import add_body, bind, make_spec, run
+
+PLAIN = parameters(filter=None)
+RATE = PLAIN.electronics.rate_hz
+
+
+def change(given=PLAIN, **electronics):
+    return dataclasses.replace(given, electronics=dataclasses.replace(given.electronics, **electronics))
+
+
+def build(given=PLAIN, *, timestep=1e-3, contact="foundation", name="sensor", enable=0, **settings):
+    """A block of 100 g on a slide that rocks on an array under a changing push; sensor, model and data."""
+    spec = make_spec(timestep, enableflags=enable)
+    sensor = fastmodel.attach(spec, "world", given, contact=contact, name=name, **settings)
+    add_body(spec, "box", [4e-3, 3e-3, 3e-3], [1e-3, 2e-3, 3e-3], slides="z", mass=0.1, damping=1.0)
+    model = spec.compile()
+    return bind(sensor, model), model, mujoco.MjData(model)
+
+
+def advance(model, data):
+    data.qfrc_applied[0] = -1 - 0.8 * np.sin(60 * data.time)
+    mujoco.mj_step(model, data)
+
+
+@pytest.mark.parametrize(("timestep", "start"), [(1e-3, 3.21), (4e-3, 0.0), (10e-3, 3.21)])
+def test_frames_are_those_of_the_chain_at_the_times_at_which_they_are_due(timestep, start):
+    """Also where several are due within a step, so that forces creep for several intervals; clocks may start late."""
+    given = change(creep=0.15, noise=0.01, hysteresis_share=0.3, hysteresis_width=0.05, offset=0.0, tip_share=0.8)
+    sensor, model, data = build(given, timestep=timestep)
+    data.time = start
+    functions, noise = ChainFunctions(given, 1 / timestep, spreads=False), make_generator(0, "sensor")
+    state, made, count = functions.settle(np.zeros(WTS.count)), 0, 0
+    for step in range(1, 25):
+        advance(model, data)
+        new = sensor.step(data)
+        due = int(step * timestep * RATE + 1e-3)
+        assert new == (due > made)
+        if not new:
+            continue
+        assert sensor.frame().time == data.time
+        forces = sensor._reading.texel_forces
+        state = functions.take(state, forces)
+        state, output = functions.frame(state, noise, frames=due - made)
+        np.testing.assert_array_equal(sensor.frame().counts, output.counts)
+        np.testing.assert_allclose(sensor.frame().texel_forces, forces, atol=1e-12)
+        made, count = due, count + 1
+    assert count == min(24, made)
+    assert sensor.frame().counts.max() > 200
+
+
+@pytest.mark.parametrize(
+    ("changes", "settings", "waits"),
+    [
+        ({}, {}, True),
+        ({}, {"every": 1}, False),
+        ({"filter": Butterworth(cutoff_hz=100.0)}, {}, False),
+        ({}, {"contact": "boxes"}, False),
+    ],
+)
+def test_costly_contacts_without_filter_are_read_when_a_frame_is_due(changes, settings, waits):
+    sensor, model, data = build(dataclasses.replace(PLAIN, **changes), **settings)
+    stale, loads = 0, []
+    for _ in range(30):
+        advance(model, data)
+        new, before = sensor.step(data), loads[-1] if loads else None
+        loads.append(sensor.carried())
+        stale += not new and before == loads[-1]
+    frames = int(0.030 * RATE)
+    assert (stale >= 30 - frames - 1) == waits
+
+
+@pytest.mark.parametrize(
+    ("given", "left_out"),
+    [
+        (PLAIN, True),
+        (dataclasses.replace(PLAIN, filter=Butterworth(cutoff_hz=60.0)), False),
+        (change(hysteresis_share=0.2, hysteresis_width=0.05), False),
+        (change(creep=0.1), False),
+        (change(high_pass_hz=2.0), False),
+    ],
+)
+def test_a_frame_that_is_left_out_changes_no_later_one(given, left_out):
+    (plain, *one), (hasty, *two) = build(given), build(given)
+    for step in range(34):
+        for model, data in (one, two):
+            advance(model, data)
+        before = hasty.frame()
+        skip = step % 16 < 12
+        new = hasty.step(two[1], skip=skip)
+        assert plain.step(one[1]) == new
+        if new and skip:
+            assert (hasty.frame() is before) == left_out
+        elif new:
+            assert hasty.frame().time == plain.frame().time
+            np.testing.assert_array_equal(hasty.frame().counts, plain.frame().counts)
+            np.testing.assert_allclose(hasty.frame().texel_forces, plain.frame().texel_forces, atol=1e-12)
+
+
+def test_a_body_that_sleeps_on_the_array_still_presses():
+    """Bodies that sleep have no contacts in MuJoCo; the reading stays until they wake."""
+    sensor, model, data = build(enable=int(mujoco.mjtEnableBit.mjENBL_SLEEP))
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert (data.tree_asleep >= 0).all()
+    assert not data.ncon
+    assert sensor.carried() == pytest.approx(0.981, rel=1e-2)
+    assert sensor.frame().texel_forces.sum() > 0.8 * 0.981
+    data.qfrc_applied[0] = 3.0
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert (data.tree_asleep < 0).all()
+    assert sensor.carried() == 0
+    assert not sensor.frame().texel_forces.any()
+
+
+def test_noise_belongs_to_seed_and_name():
+    given = change(noise=0.02, offset=0.0)
+
+    def show(sensor, model, data):
+        found = []
+        for _ in range(8):
+            advance(model, data)
+            if sensor.step(data):
+                found.append(sensor.frame().counts)
+        mujoco.mj_resetData(model, data)
+        return np.array(found)
+
+    one, other = build(given), build(given, name="other")
+    first, second = show(*one), show(*other)
+    assert (first != second).any()
+    one[0].reset()
+    assert (show(*one) != first).any()  # the noise continues
+    one[0].reset(seed=0)
+    np.testing.assert_array_equal(show(*one), first)
+    one[0].reset(seed=np.random.SeedSequence(5))
+    third = show(*one)
+    one[0].reset(seed=5)
+    np.testing.assert_array_equal(show(*one), third)
+    for seed, message in ((-1, "must not be negative"), (0.5, "seed must be a whole number")):
+        with pytest.raises(FastModelError, match=message):
+            one[0].reset(seed=seed)
+    seeded = build(change(given, seed=5))
+    np.testing.assert_array_equal(show(*seeded), third)
+
+
+def test_a_sensor_starts_under_given_forces_on_all_texels_or_on_each():
+    given = dataclasses.replace(PLAIN, filter=Butterworth(cutoff_hz=20.0))
+    sensor, _, _ = build(given)
+    base = sensor._reader._solver.bases[0]
+    for forces in (0.02, np.linspace(0, 0.1, WTS.count), [0.0] * 83 + [0.5]):
+        sensor.reset(forces)
+        whole = np.broadcast_to(np.array(forces, dtype=float), (WTS.count,))
+        frame = sensor.frame()
+        np.testing.assert_allclose(sensor.contact_forces(), whole)
+        np.testing.assert_allclose(frame.texel_forces, base.from_texels(whole), atol=1e-12)
+        assert sensor.carried() == pytest.approx(whole.sum())
+        assert sensor.outside() == frame.outside == pytest.approx(whole.sum() - frame.texel_forces.sum())
+        np.testing.assert_allclose(sensor.pressures(), frame.texel_forces / np.prod(WTS.texel_size))
+        np.testing.assert_array_equal(sensor.texel_forces(), frame.texel_forces)
+        assert frame.time == 0
+    for wrong in (-1e-9, np.nan, np.inf, np.zeros(83), "much", [[0.0]] * 84):
+        with pytest.raises(FastModelError, match=re.escape("a number or one force for each of 84 texels")):
+            sensor.reset(wrong)
+
+
+def test_a_frame_that_is_asked_for_twice_before_the_first_step_is_told():
+    sensor, model, data = build()
+    assert not sensor.frame().counts.any()
+    with pytest.warns(OptionWarning, match="frame is that of the unloaded array: step"):
+        sensor.frame()
+    sensor.frame()  # once
+    advance(model, data)
+    sensor.step(data)
+    sensor.frame()
+    sensor.reset(0.01)
+    sensor.frame()
+    sensor.frame()  # it is loaded
+
+
+def test_the_end_of_the_plate_is_told_once():
+    spec = make_spec()
+    sensor = fastmodel.attach(spec, "world", PLAIN, contact="foundation")
+    add_body(spec, "box", [3e-3, 3e-3, 3e-3], [13.6e-3, 0, 3e-3], slides="z", mass=0.1, damping=1.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    bind(sensor, model)
+    with pytest.warns(
+        fastmodel.RangeWarning, match="sensor 'sensor': a contact reaches the end of the plate"
+    ) as caught:
+        run(sensor, model, data, 40)
+    assert len(caught) == 1
+
+
+@pytest.mark.parametrize(("late", "refused"), [(0.9e-6, False), (1.1e-6, True), (-0.9e-6, False), (-1.1e-6, True)])
+def test_time_may_differ_from_a_step_by_a_thousandth_of_it(late, refused):
+    sensor, model, data = build()
+    for _ in range(3):
+        advance(model, data)
+        sensor.step(data)
+    advance(model, data)
+    data.time += late
+    if refused:
+        with pytest.raises(LifeCycleError, match=r"time went from 0\.003 s to"):
+            sensor.step(data)
+    else:
+        sensor.step(data)
