@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from fem_reference.errors import ConvergenceError, PathConvergenceError
-from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, Guess
+from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, Guess, SolvedPath
 from fem_reference.finite_strain.loading_path import Units
+from tests.support.rubber import make_solid
 
 
 class Surface:
@@ -184,3 +185,46 @@ def test_steps_to_a_target_begin_at_the_first_guess_between_that_converges():
     assert [call.state[0] for call in begun[:2]] == [101.0, 102.0]
     assert begun[1].depth == 0.2
     assert begun[2].depth == pytest.approx(0.2 + 0.25 * 0.2)
+
+
+def made_up_path(loads, elements, *, targets=(), coarse=None):
+    """Equilibria with given loads, ten per depth, whose unknowns are all the load."""
+
+    def reach(load):
+        contact = SimpleNamespace(pressure=np.array([0.5 * load, 2 * load]))
+        state = np.full(elements.displacements + elements.pressures, load)
+        return ContactEquilibrium(
+            state=state, depth=load / 10, load=load, contact=contact, reaction=0 * state, iterations=1
+        )
+
+    return SolvedPath(
+        elements=elements, equilibria=[reach(load) for load in targets], steps=[reach(load) for load in loads],
+        coarse=coarse,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("loads", "targets", "coarser", "expected"),
+    [
+        # Of a path that ended: those nearest to 80, 60, 40 and 20 % of the last target, each once.
+        ([1.0, 2.1, 4.2, 5.0, 6.1, 7.9], (10.0,), None, [7.9, 6.1, 4.2, 2.1]),
+        ([2.0, 7.0, 9.0], (5.0, 10.0), None, [7.0, 2.0]),
+        # Of one that stopped: those of 95, 90 and 88 % of the largest load as well.
+        ([2.0, 4.0, 6.0, 8.0, 8.8, 9.1, 9.5, 10.0], (), None, [9.5, 9.1, 8.8, 8.0, 6.0, 4.0, 2.0]),
+        # Loads below the first step are taken from the coarser mesh.
+        ([5.0, 8.1], (10.0,), [1.0, 2.2, 4.1, 9.0], [8.1, 5.0, 4.1, 2.2]),
+        ([], (10.0,), [2.0, 8.0], [8.0, 2.0]),
+        ([], (), None, []),
+    ],
+)
+def test_a_few_steps_of_a_path_start_the_next_mesh(loads, targets, coarser, expected):
+    elements = make_solid("ring").elements
+    coarse = None if coarser is None else made_up_path(coarser, elements)
+    path = made_up_path(loads, elements, targets=targets, coarse=coarse)
+    found = path.transfer_steps(elements)
+    assert [guess.load for guess in found] == pytest.approx(expected)
+    for guess in found:
+        assert guess.depth == pytest.approx(guess.load / 10)
+        assert guess.contact_pressure == pytest.approx(2 * guess.load)
+        np.testing.assert_allclose(guess.state, guess.load, rtol=1e-12)
+    assert [guess.load for guess in path.transfer_guesses(elements)] == list(targets)

@@ -68,19 +68,9 @@ def test_friction_does_nothing_where_nothing_slides():
     assert found.shear.shape == (len(found.contact), 2)
 
 
-def test_friction_holds_the_top_of_a_disk_that_spreads():
-    (smooth,), (rough,) = (press(SOFT, friction=mu, depths=(0.05e-3,)) for mu in (0.0, 0.2))
-    assert rough.total_force > 1.01 * smooth.total_force
-    inwards = (rough.shear * rough.contact[:, :2]).sum(axis=1)
-    assert (inwards <= 1e-12).all()
-    size = np.hypot(*rough.shear.T)
-    assert (size <= 0.2 * rough.contact[:, 2] * 1.01 + 1e-9).all()
-    assert size.sum() > 0.1 * rough.total_force
-
-
 def test_the_edge_of_a_contact_is_located_within_the_elements():
     """On three elements through the cover the edge lies within 1 % of that of the integral equation."""
-    cover, ball, edges = stack_layers((H, 1e6, 0.45)), 5e-3, (0.8e-3, 1.1e-3)
+    cover, ball, edges = stack_layers((H, 1e6, 0.45)), 5e-3, (1.1e-3,)
     known = [closed_form.sphere(cover, ball, edge) for edge in edges]
     path = LoadingPath(
         cover=cover, indenter=Sphere(radius=ball), targets=tuple(each.depth for each in known), control="depth",
