@@ -127,3 +127,17 @@ def test_texels_on_a_grid_are_counted_from_the_lower_left():
     np.testing.assert_array_equal(drawn.get_array(), [[0, 1], [2, 3], [4, 5]])
     assert axes.get_ylim() == (-0.5, 2.5)
     assert axes.get_xlim() == (-0.5, 1.5)
+
+
+@pytest.mark.parametrize("difference", [False, True])
+def test_an_array_of_values_has_the_colour_of_each(difference):
+    scale = Scale(peak=4.0, difference=difference)
+    values = np.array([[-4.0, -1.0, 0.0], [0.7, 2.5, 4.0]])
+    found = scale.rgb(values)
+    assert (found.shape, found.dtype) == ((2, 3, 3), np.uint8)
+    for place, value in np.ndenumerate(values):
+        assert "#" + bytes(found[place].tolist()).hex() == scale.colour(float(value))
+    steps = np.linspace(-1 if difference else 0, 1, len(scale.colours))
+    for channel in range(3):
+        ends = [int(colour[1 + 2 * channel : 3 + 2 * channel], 16) for colour in scale.colours]
+        np.testing.assert_allclose(found[..., channel], np.interp(values / 4, steps, ends), atol=0.51)

@@ -228,6 +228,10 @@ def test_a_loaded_solid_shows_the_pressure_of_its_top_and_the_length_of_its_disp
     np.testing.assert_array_equal(scene.displacement, moved[:-5])
     assert (scene.surface_label, scene.inside_label) == ("contact pressure [kPa]", "displacement [mm]")
     assert (scene.title, scene.thickness) == ("t", pytest.approx(1.5e-3))
+    assert (scene.indenter, scene.texels) == (Sphere(radius=50e-3), ARRAY)
+    np.testing.assert_array_equal(scene.texel_forces, [0.0, 0.1, 0.2, 0.5])
+    np.testing.assert_array_equal(scene.position, bricks.nodes)
+    np.testing.assert_array_equal(scene.cells, split_cells(bricks))
     # 3/4 of the force acts at (1, 1.5) mm and 1/4 at (2, 0) mm: the nearest node to (1.25, 1.125) is the first one
     np.testing.assert_allclose(scene.touched, [1e-3, 1.5e-3, 1.5e-3], atol=1e-9)
     # the ball passes midway between the two moved nodes that bear force
