@@ -44,6 +44,12 @@ def solve(force, depth, shares, area=1e-6, size=1.0):
     )
 
 
+def refine(solution):
+    """Three grids, of which only the finest one has this solution."""
+    coarse = [solve(n * solution.total_force, 1.5 * solution.depth, (0.2, 0.1, 0.7), 3e-6, size=n) for n in (4, 2)]
+    return [*coarse, solution]
+
+
 def make_path(cover=LINEAR, indenter=BALL, targets=(1e-4,), control="depth", **options):
     return LoadingPath(cover=cover, indenter=indenter, targets=targets, control=control, **options)
 
@@ -140,8 +146,8 @@ def test_sides_are_added_to_finite_strain_and_what_they_change_together_is_an_er
     """Force per depth and shares of the texels: each effect multiplies or is added."""
     cover = replace(RUBBER, size=(6e-3, 6e-3))
     wide = GridStudy(solutions=[[solve(4.0, 1e-3, (0.5, 0.3, 0.2))] * 3], assumptions={"strain": "finite"})
-    plain = GridStudy(solutions=[[solve(3.0, 1e-3, (0.5, 0.25, 0.25))] * 3])
-    edged = GridStudy(solutions=[[solve(2.4, 1e-3, (0.6, 0.2, 0.2))] * 3])
+    plain = GridStudy(solutions=[refine(solve(3.0, 1e-3, (0.5, 0.25, 0.25)))])
+    edged = GridStudy(solutions=[refine(solve(2.4, 1e-3, (0.6, 0.2, 0.2)))])
     monkeypatch.setattr(layered, "study_nonlinear", lambda path, *_: wide if path.cover.size is None else None)
     monkeypatch.setattr(small_strain, "study_path", lambda path, *_: plain if path.cover.size is None else edged)
     monkeypatch.setattr(layered, "is_far_from_sides", lambda *_: False)
@@ -157,8 +163,8 @@ def test_sides_are_added_to_finite_strain_and_what_they_change_together_is_an_er
     assert found.assumptions["strain"] == "finite"
     assert "what they change in finite strain" in found.assumptions["sides"]
     # The product of two large effects on the texels exceeds that of the depth.
-    moved = GridStudy(solutions=[[solve(2.4, 1e-3, (0.9, 0.0, 0.1))] * 3])
-    far = GridStudy(solutions=[[solve(4.0, 1e-3, (0.1, 0.6, 0.3))] * 3])
+    moved = GridStudy(solutions=[refine(solve(2.4, 1e-3, (0.9, 0.0, 0.1)))])
+    far = GridStudy(solutions=[refine(solve(4.0, 1e-3, (0.1, 0.6, 0.3)))])
     monkeypatch.setattr(layered, "study_nonlinear", lambda *_: far)
     monkeypatch.setattr(small_strain, "study_path", lambda path, *_: plain if path.cover.size is None else moved)
     assert layered.superpose_sides(path, PLACE, None).least_error == pytest.approx((0.4 + 0.35 + 0.05) * 0.8)
@@ -356,7 +362,7 @@ def test_fields_are_scaled_to_the_force_and_state_how_far_the_top_is_off_the_fac
     x, y = (each.ravel() for each in np.meshgrid(*axes, indexing="ij"))
     contact = np.column_stack([x, y, np.full(x.size, force / x.size)])
     one = replace(solve(force, share * sunk, (0.5, 0.3, 0.2), area=6e-6), contact=contact)
-    monkeypatch.setattr(small_strain, "study_path", lambda *_: GridStudy(solutions=[on_grids(one)]))
+    monkeypatch.setattr(small_strain, "study_path", lambda *_: GridStudy(solutions=[refine(one)]))
     target = force if control == "load" else share * sunk
     path = make_path(cover, Box(size=(4e-3, 4e-3, 1e-3)), (target,), control, fields=True)
     (found,) = LayerPress(place=PLACE).solve(path, 0)
@@ -371,6 +377,13 @@ def test_fields_are_scaled_to_the_force_and_state_how_far_the_top_is_off_the_fac
     assert found.texel_forces == pytest.approx([0.5 * force, 0.3 * force])
     assert (found.outside, found.balance) == (pytest.approx(0.2 * force), pytest.approx(0.0, abs=1e-12))
     assert found.error_estimate["total_force" if control == "load" else "depth"] == 0.0
+    assert found.grid_values["total_force"] == pytest.approx((4 * force, 2 * force, force))
+    assert found.grid_values["peak_texel"] == pytest.approx((0.8 * force, 0.4 * force, 0.5 * force))
+    assert found.grid_values["depth"] == pytest.approx((1.5 * share * sunk, 1.5 * share * sunk, share * sunk))
+    assert found.grid_values["contact_area"] == pytest.approx((3e-6, 3e-6, 6e-6))
+    assert found.grid_values["size"] == (4, 2, 1.0)
+    assert found.contact_area == pytest.approx(6e-6)
+    assert found.error_estimate["contact_area"] == pytest.approx(2 * 3e-6 / 6e-6)
 
 
 def test_forces_on_the_base_that_miss_the_load_are_told(monkeypatch):
