@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 
 from fem_reference.elements.line import gauss_points
 from fem_reference.linear_response.surface_compliance import (
+    choose_friction_reach,
+    choose_linear_reach,
+    choose_reach,
+    choose_solid_reach,
     decay_length,
+    membrane_length,
     solve_waves,
     spread_of_top,
     surface_compliance,
+    warn_of_boundary,
 )
 from tests.support.rubber import stack_layers
 
@@ -99,3 +105,53 @@ def test_cells_of_a_wide_contact_on_an_incompressible_cover_add_up_to_the_slope_
     pressed = (surface.average_over_cells(x, y, size, size) * np.cos(wave * x / cover.thickness)).sum()
     exact = solve_waves(cover, np.array([wave / cover.thickness])).compliance[0]
     assert pressed == pytest.approx(exact, rel=1e-3)
+
+
+THREE = ((1e-3, 2e5, 0.45), (0.5e-3, 5e6, 0.3), (0.1e-3, 3e9, 0.4))
+
+
+def test_lengths_of_three_layers_are_the_largest_of_both_interfaces():
+    """Layers above an interface as a plate or a membrane, those below as springs in series."""
+    bend, stretch = [sum(h for h, _, _ in THREE)], [0.0]
+    for split in (1, 2):
+        below, above = THREE[:split], THREE[split:]
+        springs = 1 / sum(h / young for h, young, _ in below)
+        shear = 1 / sum(2 * h * (1 + nu) / young for h, young, nu in below)
+        bend.append((sum(young * h**3 / 12 / (1 - nu**2) for h, young, nu in above) / springs) ** 0.25)
+        stretch.append((sum(young * h / (1 - nu**2) for h, young, nu in above) / shear) ** 0.5)
+    cover = stack_layers(*THREE)
+    assert decay_length(cover) == pytest.approx(max(bend))
+    assert membrane_length(cover) == pytest.approx(max(stretch))
+    assert membrane_length(stack_layers(THREE[0])) == 0.0
+
+
+@pytest.mark.parametrize("layers", [THREE[:1], THREE[:2], THREE])
+@pytest.mark.parametrize("contact", [0.3e-3, 9e-3])
+def test_meshes_end_beyond_the_response_and_beyond_the_stretch_of_a_stiff_top(layers, contact):
+    """The outer radius in decay lengths, contact radii and membrane lengths."""
+    bonded_cover, sliding = (stack_layers(*layers, base=base) for base in ("bonded", "sliding"))
+    decay, stretch = decay_length(bonded_cover), membrane_length(bonded_cover)
+    linear = 12 * decay + 1.5 * contact
+    assert choose_linear_reach(bonded_cover, contact) == pytest.approx(linear)
+    assert choose_linear_reach(sliding, contact) == pytest.approx(40 * (decay + contact))
+    assert choose_friction_reach(bonded_cover, contact) == pytest.approx(max(linear, 4 * stretch + 1.5 * contact))
+    limit = min(0.3 * stretch, 40 * bonded_cover.thickness)
+    assert choose_reach(bonded_cover, contact) == pytest.approx(max(linear, limit))
+    assert choose_solid_reach(bonded_cover) == pytest.approx(7 * decay)
+    assert choose_solid_reach(sliding) == pytest.approx(40 * decay)
+    assert warn_of_boundary(bonded_cover) == ()
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_top_that_is_stretched_beyond_the_mesh_is_told(share):
+    """The mesh ends at 40 thicknesses; 0.3 membrane lengths of a foil of 0.01 mm on 2 mm of foam."""
+    wanted = share * 40 * 2.01e-3 / 0.3
+    foam = 1e4
+    young = wanted**2 * (1 - 0.3**2) * foam / (2 * 1.45 * 2e-3 * 0.01e-3)
+    cover = stack_layers((2e-3, foam, 0.45), (0.01e-3, young, 0.3))
+    assert membrane_length(cover) == pytest.approx(wanted)
+    assert 12 * decay_length(cover) < 40 * cover.thickness
+    told = warn_of_boundary(cover)
+    assert len(told) == (share > 1)
+    if told:
+        assert told[0].startswith(f"the stiff top reaches {0.3e3 * wanted:.3g} mm in its plane")

@@ -64,3 +64,56 @@ def test_each_edge_of_a_thin_frame_is_found_once(wall, places):
 def test_a_face_that_no_sample_meets_is_refused():
     with pytest.raises(ValueError, match="walls are too thin"):
         Face.measure(lambda x, y: np.full(x.shape, np.inf), np.zeros(2), np.ones(2))
+
+
+def make_face(half, walls, edges=()):
+    """A face with walls of given widths, and edges at given places along x."""
+    return Face(
+        middle=np.zeros(2), half=np.array(half), area=1.0, walls=np.array(walls), edges=(np.array(edges), np.empty(0))
+    )
+
+
+@pytest.mark.parametrize(
+    ("half", "face", "layer", "cells", "counts"),
+    [
+        # Four cells per layer on nine times the pattern, at least sixteen.
+        ((5e-3, 1e-3), None, 0.2e-3, 64, (4 * 23, 64)),
+        ((5e-3, 1e-3), None, 0.2e-3, 144, (9 * 23, 144)),
+        ((5e-3, 1e-3), None, np.inf, 96, (96, 96)),
+        # No more than 96 along an axis and 1600 in all, in proportion.
+        ((20e-3, 1e-3), None, 0.1e-3, 16, (96, 16)),
+        ((5e-3, 4e-3), None, 0.03e-3, 16, (40, 40)),
+        ((30e-3, 4e-3), None, 0.1e-3, 16, (66, 25)),
+        # Forty-five cells per wall on nine times the pattern.
+        ((5e-3, 1e-3), ([5e-3, 1e-3], [2.4e-3, 2e-3]), np.inf, 64, (4 * 21, 64)),
+        ((5e-3, 4e-3), ([5e-3, 4e-3], [1e-3, 0.5e-3]), np.inf, 64, (4 * 32, 4 * 51)),
+        # An edge at two fifths needs a multiple of five, one at the border none.
+        ((1e-3, 1e-3), ([1e-3, 1e-3], [1e-3, 1e-3], [0.4]), np.inf, 64, (65, 64)),
+        ((1e-3, 1e-3), ([1e-3, 1e-3], [1e-3, 1e-3], [0.0, 1.0]), np.inf, 64, (64, 64)),
+        ((1e-3, 1e-3), ([1e-3, 1e-3], [1e-3, 1e-3], [0.25, 1 / 3]), np.inf, 64, (72, 64)),
+    ],
+)
+def test_numbers_of_cells_follow_the_layer_the_walls_and_the_edges(half, face, layer, cells, counts):
+    made = None if face is None else make_face(*face)
+    assert tuple(choose_counts(np.array(half), made, layer, cells)) == counts
+
+
+def test_cells_are_scaled_about_their_middle_to_the_area_of_a_face():
+    """A disk of radius 1 on 8 x 6 cells around (2, -1)."""
+    grid = CellGrid.span(np.array([2.0, -1.0]), np.array([1.0, 1.5]), np.array([8, 6]))
+    assert (grid.cell, grid.area) == ((0.25, 0.5), 0.125)
+    assert (grid.x[[0, -1], 0].tolist(), grid.y[0, [0, -1]].tolist()) == ([1.125, 2.875], [-2.25, 0.25])
+
+    def gap(x, y):
+        return np.where(np.hypot(x - 2, y + 1) < 1, 0.0, np.inf)
+
+    face = Face(middle=np.array([2.0, -1.0]), half=np.ones(2), area=np.pi, walls=np.ones(2), edges=(np.empty(0),) * 2)
+    inside = np.isfinite(gap(grid.x, grid.y)).sum()
+    scaled = grid.match_area(gap, face)
+    assert scaled.scale == pytest.approx(np.sqrt(np.pi / (0.125 * inside)))
+    assert inside * scaled.area == pytest.approx(np.pi)
+    np.testing.assert_allclose(scaled.x - 2, scaled.scale * (grid.x - 2))
+    np.testing.assert_allclose(scaled.y + 1, scaled.scale * (grid.y + 1))
+    np.testing.assert_allclose(scaled.unscaled, (grid.x, grid.y))
+    with pytest.raises(ValueError, match=r"no cell of 5e\+02 mm has its middle"):
+        grid.match_area(lambda x, _y: np.full(x.shape, np.inf), face)
