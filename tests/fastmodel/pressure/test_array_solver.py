@@ -87,7 +87,7 @@ def test_partly_covered_oblong_cells_bear_what_the_solver_of_a_simulation_comput
     u, v = 0.8 * (x - 0.2e-3) + 0.6 * (y + 0.3e-3), 0.8 * (y + 0.3e-3) - 0.6 * (x - 0.2e-3)
     gap = np.where((np.abs(u) < 2.2e-3) & (np.abs(v) < 1.6e-3), u**2 / 0.3 + 1e-3 * v, np.inf)
     moment = np.array([0.5e-3, -0.9e-3])
-    found = FUNCTIONS.forces(gap, 2.0, moment if tilts else None, iterations=80)
+    found = FUNCTIONS.forces(gap, 2.0, moment if tilts else None, iterations=40)
 
     def divide(values):
         return values.reshape(SHAPE[0], fine, SHAPE[1], fine).transpose(0, 2, 1, 3).reshape(*SHAPE, -1)
@@ -100,7 +100,7 @@ def test_partly_covered_oblong_cells_bear_what_the_solver_of_a_simulation_comput
         np.zeros(len(row), dtype=np.int64), row, column, hits.mean(axis=1), *mean,
         np.column_stack([*mean[:2], 0 * mean[0]]), np.tile([0, 0, 1.0], (len(row), 1)),
     )  # fmt: skip
-    solver = CoverSolver(CELLS, GRID, tolerance=1e-10, steps=3000, bases=[GRID.build_base_forces(CELLS, ARRAY)])
+    solver = CoverSolver(CELLS, GRID, tolerance=1e-8, steps=1000, bases=[GRID.build_base_forces(CELLS, ARRAY)])
     exact = solver.solve(samples, [Load.on_plate(2.0, moment, tilts=tilts)])
     assert exact.converged
     whole = np.zeros((20, 20))
@@ -116,17 +116,17 @@ def test_partly_covered_oblong_cells_bear_what_the_solver_of_a_simulation_comput
 def test_gradients_are_those_of_finite_differences(tilts):
     """With respect to gap and to force and moments, in units of the cells' own compliance."""
     gap, load = draw_gaps(2, 3)
-    random, count = np.random.default_rng(4), 3 if tilts else 1
+    random, count, steps = np.random.default_rng(4), 3 if tilts else 1, 70
     target = np.column_stack([load, load * 0.3, load * -0.2])[:, :count]
     flat = gap.reshape(2, -1) / OWN
-    problem = FUNCTIONS._build(70, target)
-    forces, slope = problem.press(flat, target, 70), random.normal(size=flat.shape)
-    of_gap, of_target = problem.pull_back(forces, slope, 70)
+    problem = FUNCTIONS._build(steps, target)
+    forces, slope = problem.press(flat, target, steps), random.normal(size=flat.shape)
+    of_gap, of_target = problem.pull_back(forces, slope, steps)
     under = np.isfinite(flat)
     assert (forces > 0).sum(axis=1).min() > 5
 
     def measure(gap, target):
-        return (FUNCTIONS._build(70, target).press(gap, target, 70) * slope).sum(axis=1)
+        return (FUNCTIONS._build(steps, target).press(gap, target, steps) * slope).sum(axis=1)
 
     step, shift = 1e-6 * np.where(under, random.normal(size=flat.shape), 0), 1e-6 * random.normal(size=target.shape)
     ends = [measure(np.where(under, flat + sign * step, np.inf), target + sign * shift) for sign in (1, -1)]
