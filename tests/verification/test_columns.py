@@ -83,7 +83,7 @@ def test_a_slender_column_bends_under_shear_like_a_beam():
         assert operator.displace(couple)[component].mean() == pytest.approx(slope, rel=0.05)
 
 
-def displace(pose, forces, at, size=(1.3 * H, 1.7 * H), indenter=None):
+def displace(pose, forces, at, size=(1.1 * H, 1.4 * H), indenter=None):
     """Additional displacements of points in the frame of an indenter, under forces there."""
     indenter = indenter or Sphere(radius=1e-3)
     sides = SideEdges(
@@ -97,29 +97,14 @@ def test_additional_displacements_are_reciprocal_and_turn_with_the_frame():
     rng = np.random.default_rng(5)
     at = rng.uniform(-1, 1, (2, 7)) * np.array([[0.5], [0.3]]) * H
     one, other = rng.uniform(-1, 1, (2, 3, 7))
-    pose = Pose.planar(at=(0.2 * H, -0.1 * H))
+    pose = Pose.planar(at=(0.05 * H, -0.1 * H))
     moved, back = displace(pose, one, at), displace(pose, other, at)
     assert (moved * other).sum() == pytest.approx((back * one).sum())
     # Free sides make a cover more compliant under any forces.
     assert (moved * one).sum() > 0
     # The cover, turned by a quarter, under the same forces in the frame of the indenter.
-    turned = displace(Pose.planar(at=(0.1 * H, 0.2 * H), yaw=np.pi / 2), one, at, size=(1.7 * H, 1.3 * H))
+    turned = displace(Pose.planar(at=(0.1 * H, 0.05 * H), yaw=np.pi / 2), one, at, size=(1.4 * H, 1.1 * H))
     np.testing.assert_allclose(turned, moved, atol=1e-6 * np.abs(moved).max())
-
-
-def test_a_symmetric_press_needs_only_the_even_part():
-    half, rng = draw_quarter(), np.random.default_rng(6)
-    force = rng.uniform(0, 1, 4)
-    at = np.array([half[0] * s for s in (1, -1, 1, -1)]), np.array([half[1] * s for s in (1, 1, -1, -1)])
-    places = np.concatenate(at[0]), np.concatenate(at[1])
-    signs = np.repeat([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1]], 4, axis=1)
-    forces = np.tile(force, 4) * signs
-    even, all_parts = (displace(Pose.planar(at=where), forces, places) for where in ((0.0, 0.0), BESIDE))
-    np.testing.assert_allclose(even, all_parts, atol=1e-5 * np.abs(even).max())
-
-
-def draw_quarter():
-    return np.random.default_rng(7).uniform(0.05, 1, (2, 4)) * np.array([[0.5], [0.3]]) * H
 
 
 @pytest.mark.parametrize(
