@@ -97,6 +97,14 @@ class Channel:
         return np.vstack([np.full(columns, -np.inf), found, np.full(columns, np.inf)])
 
     @cached_property
+    def _ends(self) -> FloatArray:
+        """Least and largest finite edge, between which counts are not censored, shape (2, n or 1) [N]."""
+        known = np.isfinite(self.edges)
+        return np.array([
+            np.where(known, self.edges, np.inf).min(axis=0), np.where(known, self.edges, -np.inf).max(axis=0)
+        ])  # fmt: skip
+
+    @cached_property
     def usual_step(self) -> float:
         """Median force of one count [N]; 0 without electronics."""
         inner = self.edges[np.isfinite(self.edges).all(axis=1)]
@@ -176,19 +184,19 @@ class Channel:
             seen: Indices of the texels that differ between the cases, shape (s,).
         """
         low, high = reading.low[:, seen], reading.high[:, seen]
-        edges = self.edges if self.edges.shape[1] == 1 else self.edges[:, seen]
+        first, last = self._ends if self.edges.shape[1] == 1 else self._ends[:, seen]
         inner = np.isfinite(low) & np.isfinite(high)
-        step = np.where(inner, high - low, 0.0)
+        step = np.subtract(high, low, out=np.zeros_like(low), where=inner)  # both are infinite for impossible counts
         smooth = inner & (self.noise >= step / 2)
         weight = np.where(smooth, 1 / (self.noise**2 + step**2 / 12), 0.0)
         middle = np.where(smooth, low + step / 2, 0.0)
         found = (weight * middle) @ forces.T - weight @ (forces**2).T / 2 - (weight * middle**2).sum(1)[:, None] / 2
         if (dark := np.isneginf(low) & np.isfinite(high)).any():
             some = dark.any(axis=0)
-            found += dark[:, some].astype(float) @ log_ndtr((edges[1] - forces)[:, some] / self.noise).T
+            found += dark[:, some].astype(float) @ log_ndtr((first - forces)[:, some] / self.noise).T
         if (full := np.isposinf(high) & np.isfinite(low)).any():
             some = full.any(axis=0)
-            found += full[:, some].astype(float) @ log_ndtr((forces - edges[-2])[:, some] / self.noise).T
+            found += full[:, some].astype(float) @ log_ndtr((forces - last)[:, some] / self.noise).T
         for texel in np.flatnonzero((inner & ~smooth).any(axis=0)):
             rows = np.flatnonzero((inner & ~smooth)[:, texel])
             ends = ((each[rows, texel, None] - forces[:, texel]) / self.noise for each in (low, high))
