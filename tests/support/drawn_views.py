@@ -6,6 +6,8 @@ import numpy as np
 
 #: Point of contact and largest distance from it that is drawn [mm].
 AT, AROUND = np.array([2.0, 1.0, 2.0]), 4.0
+#: Corners of a hexahedron of edge 1 in the order of VTK, shape (8, 3).
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 
 
 def describe(renderer):
@@ -18,11 +20,8 @@ def describe(renderer):
             meshes.append(_describe_mesh(actor))
         elif isinstance(actor, pyvista.Text):
             texts.append(actor)
-    edges, camera, bars = (
-        renderer.cube_axes_actor,
-        renderer.camera,
-        [bar for bar in renderer.actors.values() if hasattr(bar, "title")],
-    )
+    edges, camera = renderer.cube_axes_actor, renderer.camera
+    bars = [bar for bar in renderer.actors.values() if hasattr(bar, "title")]
     return SimpleNamespace(
         meshes=meshes, texts=[text.input for text in texts], ruled=None if edges is None else np.array(edges.bounds),
         titles=[

@@ -10,11 +10,10 @@ from fem_reference.fields.cover_fields import CoverFields
 from meshes import Box, Cover, Layer, Pose, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
 from meshes.solids.solid_mesh import SolidMesh
+from tests.support.drawn_views import CORNERS
 from validation.scene.cover_scene import average_pressure, show_indentation, show_mesh, split_cells
 
 ARRAY = TexelArray.grid(2, 2, 3e-3)
-#: Corners of a hexahedron in the order of VTK.
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 #: Sizes of a block [m], from z = 1 mm.
 SIZE, LOW = np.array([6e-3, 4e-3, 2e-3]), 1e-3
 
@@ -247,8 +246,7 @@ def test_a_solid_without_force_is_touched_in_the_middle_of_its_top(bricks):
         mesh=bricks, displacement=np.zeros_like(bricks.nodes), fields=None, contact_points=bricks.nodes[top],
         contact_forces=np.zeros((len(top), 3)), texel_forces=np.zeros(4),
     )  # fmt: skip
-    with np.errstate(all="ignore"):
-        scene = show_indentation(found, ARRAY, Sphere(radius=5e-3), Pose(point=(1e-3, 1e-3, 4e-3)))
+    scene = show_indentation(found, ARRAY, Sphere(radius=5e-3), Pose(point=(1e-3, 1e-3, 4e-3)))
     np.testing.assert_allclose(scene.touched, [2e-3, 1.5e-3, 1.5e-3], atol=1e-9)
     assert not scene.surface.any()
 
@@ -281,7 +279,7 @@ def test_a_node_off_all_facets_has_no_pressure():
 
 
 def test_the_indenter_stays_where_it_is_if_nothing_lies_below_it(bricks):
-    """The touched node lies beside the roller's end, where the gap to its surface has no value."""
+    """The touched node lies beside the face of the box, where the gap to it has no value."""
     top = np.unique(bricks.top)
     forces = np.zeros((len(top), 3))
     forces[0, 2] = -1.0

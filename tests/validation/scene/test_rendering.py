@@ -6,6 +6,7 @@ import os
 import numpy as np
 import pytest
 
+from tests.support.drawn_views import CORNERS
 from validation.scene import draw, rendering
 from validation.scene.cover_scene import CoverScene
 
@@ -125,8 +126,7 @@ def test_the_choice_of_a_window_lasts_as_long_as_the_plotter(monkeypatch, window
 
 @pytest.fixture
 def block():
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
-    return CoverScene(position=2e-3 * corners, displacement=1e-4 * corners, cells=np.arange(8)[None], thickness=2e-3,
+    return CoverScene(position=2e-3 * CORNERS, displacement=1e-4 * CORNERS, cells=np.arange(8)[None], thickness=2e-3,
                       surface=np.arange(8.0), layer=np.array([0]))  # fmt: skip
 
 

@@ -9,13 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from meshes import Box, Cone, Cylinder, LetterH, Nut, Pose, Roller, RoundedTip, Sphere, TexelArray
 from meshes.solids.texels import cylinder_texels, tangent_axes
-from validation.scene import draw
+from tests.support.drawn_views import CORNERS, describe
+from validation.scene import draw, rendering
 from validation.scene.cover_scene import CoverScene
 
 pyvista = pytest.importorskip("pyvista")
 matplotlib = pytest.importorskip("matplotlib")
-
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 
 
 def make_brick(low, high, **options):
@@ -40,16 +39,19 @@ def test_every_view_is_white_with_dark_words_arrows_and_numbered_edges(drawn):
     assert size == [2400, 820]
     for view in (surface, section, texels):
         assert view.ground == "#ffffff"
-        assert view.arrows == (0, 0, 0.16, 0.16)
+        assert view.arrows[:2] == (0, 0)  # in the lower left corner
+        assert max(view.arrows[2:]) < 0.2
         (title,) = view.titles
-        assert title.below  # the words hang from the upper edge
-        assert title.position == pytest.approx((0.01, 0.985))
-        assert (title.colour, title.size) == ("#000000", 22)
+        assert title.below  # the words hang from the upper left corner
+        assert title.position[0] < 0.05
+        assert title.position[1] > 0.95
+        assert title.colour == "#000000"
         edges = view.edges
         assert edges.titles[:2] == ("x [mm]", "y [mm]")
-        assert (edges.outwards, edges.outer, edges.form, edges.font) == (True, True, "%.4g", 12)
+        assert (edges.outwards, edges.outer, edges.form) == (True, True, "%.4g")
+        assert 10 <= edges.font < title.size
         assert not edges.minor
-        np.testing.assert_allclose(np.array(edges.colour) * 255, 0x40, atol=0.6)
+        assert max(edges.colour) < 0.3
     assert [bool(view.edges.shown) for view in (surface, section, texels)] == [True, True, False]
     assert [bool(view.edges.numbered) for view in (surface, section, texels)] == [True, True, False]
     assert [view.edges.titles[2] for view in (surface, section, texels)] == ["z [mm]", "z [mm]", " "]
@@ -60,12 +62,13 @@ def test_the_bars_of_colours_lie_below_the_views_with_titles_above_their_labels(
         (bar,) = view.scales
         assert bar.title == title
         assert bar.level
-        assert bar.place == pytest.approx((0.22, 0.01))
-        assert bar.size == pytest.approx((0.7, 0.11))
+        assert bar.place[0] > view.arrows[2]  # beside the arrows
+        assert bar.place[0] + bar.size[0] < 1
+        assert 0 < bar.place[1] < bar.place[1] + bar.size[1] < 0.2
         assert bar.form == "%.4g"
         assert bar.colours == ((0, 0, 0), (0, 0, 0))
-        assert bar.fonts == (22, 18)
-        assert bar.apart == 24
+        assert bar.fonts[0] > bar.fonts[1] >= 14
+        assert bar.apart >= bar.fonts[0]
 
 
 def test_values_have_the_colours_of_their_map_and_half_of_the_light_everywhere(drawn):
@@ -76,9 +79,9 @@ def test_values_have_the_colours_of_their_map_and_half_of_the_light_everywhere(d
         assert body.coloured
         assert (body.ambient, body.diffuse) == (0.5, 0.5)
     surface, section, texels, _ = drawn
-    assert [(view.meshes[1].colour, view.meshes[1].opacity) for view in (surface, section)] == [
-        ("#7d8794", 0.35), ("#7d8794", 1.0)
-    ]  # fmt: skip
+    assert surface.meshes[1].colour == section.meshes[1].colour
+    assert 0 < surface.meshes[1].opacity < 0.5  # the contact is seen through the indenter
+    assert section.meshes[1].opacity == 1
     assert section.meshes[1].ambient == 0.5
     assert [each.colour for each in section.meshes[2:]] == ["#303030"] * 2
     assert [each.lines for each in section.meshes[2:]] == [2, 2]
@@ -183,7 +186,7 @@ def test_a_cover_without_load_shows_its_parts_by_name_and_its_bare_texels(views)
         assert body.words == {1.0: "left out", 2.0: "touchable", 3.0: "bonded"}
         (bar,) = view.scales
         assert not bar.numbered  # names instead of numbers
-        assert bar.place == pytest.approx((0.22, 0.06))
+        assert 0 < bar.place[1] < bar.place[1] + bar.size[1] < 0.2
     np.testing.assert_allclose(surface.meshes[0].bounds, (0, 4, 0, 4, 0, 4), atol=1e-6)
     np.testing.assert_allclose(section.meshes[0].bounds[[0, 1, 4, 5]], (0, 4, 0, 4), atol=1e-6)
     assert surface.texts == ["pad\ncover"]
@@ -248,7 +251,7 @@ def test_a_cover_with_texels_on_several_sides_is_seen_from_where_the_load_comes(
         check_camera(each, view, each.ruled)
     _, base = texels.meshes
     np.testing.assert_allclose(base.bounds, 0.999 * np.array([-6, 6, -4, 4, 0, 8]), atol=1e-5)
-    assert (base.colour, base.opacity) == ("#b9c4cf", 0.12)
+    assert 0 < base.opacity < 0.3  # texels on the far side are seen through the cover
     assert texels.edges.titles[2] == "z [mm]"
     assert texels.edges.shown
     # the section contains the direction of the load; its half lies behind it as seen by the camera
@@ -301,7 +304,8 @@ def test_a_turned_body_has_its_lower_side_where_its_gap_says(indenter):
     lifted = 1e-3 * np.asarray(body.points) + 0.01 * 5e-3 * pose.towards
     x, y, z = pose.points_to_indenter(lifted).T
     wide, high = indenter.footprint
-    assert (np.abs(x).max(), np.abs(y).max()) <= (1.001 * wide, 1.001 * high)
+    assert np.abs(x).max() <= 1.001 * wide
+    assert np.abs(y).max() <= 1.001 * high
     if not isinstance(indenter, LetterH | Nut | Sphere | RoundedTip | Roller):
         assert (np.abs(x).max(), np.abs(y).max()) == pytest.approx((wide, high), rel=0.01)
     inside = 0.999 * np.column_stack([x, y])
@@ -324,9 +328,6 @@ def test_a_tall_body_is_cut_off_across_its_motion():
 
 @pytest.fixture
 def exported(monkeypatch, tmp_path):
-    from tests.support.drawn_views import describe
-    from validation.scene import rendering
-
     monkeypatch.setattr(rendering, "find_window_without_display", lambda: "")
     found = []
 
