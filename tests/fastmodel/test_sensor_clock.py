@@ -10,8 +10,9 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth, ChainFunctions, FastModelError, OptionWarning
 from fastmodel.errors import LifeCycleError
+from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.state import make_generator
-from tests.support.cover_data import WTS, parameters
+from tests.support.cover_data import WTS, cells, parameters
 from tests.support.scenes import add_body, bind, make_spec, run
 
 PLAIN = parameters(filter=None)
@@ -39,10 +40,11 @@ def advance(model, data):
 @pytest.mark.parametrize(("timestep", "start"), [(1e-3, 3.21), (4e-3, 0.0), (10e-3, 3.21)])
 def test_frames_are_those_of_the_chain_at_the_times_at_which_they_are_due(timestep, start):
     """Also where several are due within a step, so that forces creep for several intervals; clocks may start late."""
-    given = change(creep=0.15, noise=0.01, hysteresis_share=0.3, hysteresis_width=0.05, offset=0.0, tip_share=0.8)
+    electronics = {"creep": 0.15, "noise": 0.01, "hysteresis_share": 0.3, "hysteresis_width": 0.05, "tip_share": 0.8}
+    given = change(parameters(surface=None, filter=None), offset=0.0, **electronics)
     sensor, model, data = build(given, timestep=timestep)
     data.time = start
-    functions, noise = ChainFunctions(given, 1 / timestep, spreads=False), make_generator(0, "sensor")
+    functions, noise = ChainFunctions(given, 1 / timestep), make_generator(0, "sensor")
     state, made, count = functions.settle(np.zeros(WTS.count)), 0, 0
     for step in range(1, 25):
         advance(model, data)
@@ -52,10 +54,10 @@ def test_frames_are_those_of_the_chain_at_the_times_at_which_they_are_due(timest
         if not new:
             continue
         assert sensor.frame().time == data.time
-        forces = sensor._reading.texel_forces
-        state = functions.take(state, forces)
+        state = functions.take(state, sensor.contact_forces())
         state, output = functions.frame(state, noise, frames=due - made)
         np.testing.assert_array_equal(sensor.frame().counts, output.counts)
+        forces = given.spread.operator(WTS) @ sensor.contact_forces()
         np.testing.assert_allclose(sensor.frame().texel_forces, forces, atol=1e-12)
         made, count = due, count + 1
     assert count == min(24, made)
@@ -162,7 +164,7 @@ def test_noise_belongs_to_seed_and_name():
 def test_a_sensor_starts_under_given_forces_on_all_texels_or_on_each():
     given = dataclasses.replace(PLAIN, filter=Butterworth(cutoff_hz=20.0))
     sensor, _, _ = build(given)
-    base = sensor._reader._solver.bases[0]
+    base = CellGrid.over(WTS, 4, 1).build_base_forces(cells(), WTS)
     for forces in (0.02, np.linspace(0, 0.1, WTS.count), [0.0] * 83 + [0.5]):
         sensor.reset(forces)
         whole = np.broadcast_to(np.array(forces, dtype=float), (WTS.count,))
@@ -179,7 +181,7 @@ def test_a_sensor_starts_under_given_forces_on_all_texels_or_on_each():
             sensor.reset(wrong)
 
 
-def test_a_frame_that_is_asked_for_twice_before_the_first_step_is_told():
+def test_a_second_frame_before_the_first_step_is_warned_of_once():
     sensor, model, data = build()
     assert not sensor.frame().counts.any()
     with pytest.warns(OptionWarning, match="frame is that of the unloaded array: step"):
@@ -193,7 +195,7 @@ def test_a_frame_that_is_asked_for_twice_before_the_first_step_is_told():
     sensor.frame()  # it is loaded
 
 
-def test_the_end_of_the_plate_is_told_once():
+def test_a_contact_at_the_end_of_the_plate_is_warned_of_once():
     spec = make_spec()
     sensor = fastmodel.attach(spec, "world", PLAIN, contact="foundation")
     add_body(spec, "box", [3e-3, 3e-3, 3e-3], [13.6e-3, 0, 3e-3], slides="z", mass=0.1, damping=1.0)

@@ -64,7 +64,7 @@ def build_crowd(*, moving, filtered, masks):
 
 @pytest.mark.parametrize("masks", [(EVERY, EVERY), (1, 0), (0, 4), (8, 0)])
 @pytest.mark.parametrize(("moving", "filtered"), [(True, True), (True, False), (False, True)])
-def test_geoms_without_a_reason_are_those_that_mujoco_collides(moving, filtered, masks):
+def test_geoms_without_a_reason_against_contact_are_those_that_mujoco_collides(moving, filtered, masks):
     model = build_crowd(moving=moving, filtered=filtered, masks=masks)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

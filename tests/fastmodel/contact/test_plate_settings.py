@@ -101,7 +101,7 @@ def test_the_margin_is_that_of_the_plate_or_the_array_or_one_pitch(margin, array
         ((1.0, 6e-3), (24, 1)),  # at most 24
     ],
 )
-def test_a_plate_that_nobody_states_is_widened_to_hold_bodies(reach, pitches):
+def test_a_plate_without_a_stated_margin_is_widened_to_hold_bodies(reach, pitches):
     """A pitch more than the bodies reach beyond the texels, which end 3 mm and 6 mm from the middle."""
     method = CoverContact(tolerance=1e-5)
     found = method.hold(ARRAY, reach)
@@ -141,7 +141,7 @@ def test_a_modulus_must_be_positive(modulus):
         (None, False, dataclasses.replace(WTS, margin=(3.4e-3, 3.4e-3)), False),
     ],
 )
-def test_the_share_of_the_outermost_cells_is_told_where_nobody_states_the_end(margin, widened, array, told):
+def test_the_share_of_the_outermost_cells_is_reported_where_the_end_is_not_stated(margin, widened, array, told):
     """A block stands over the edge of a plate, 13.6 mm from the middle."""
     spec = make_spec()
     method = Foundation(modulus=1e9, plate=Plate(margin=margin, widened=widened))

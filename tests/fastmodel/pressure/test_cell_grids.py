@@ -97,18 +97,17 @@ def test_a_window_is_shifted_until_its_forces_act_around_the_wanted_centre(x, y)
         ]
         return np.array(places)
 
-    wanted = find_centre(window, (2, 5)) + np.array([x, y]) * grid.edge
+    centre = find_centre(window, (2, 5))
+    wanted = centre + np.array([x, y]) * grid.edge
     found, origin = grid.shift_window(window, (2, 5), wanted)
     assert (origin, found.shape) == ((1, 4), (5, 6))
     np.testing.assert_allclose(find_centre(found, origin), wanted, atol=1e-15)
     assert found.sum() == pytest.approx(window.sum())
     assert found.min() >= 0
-    for axis in range(2):
-        far = wanted + np.eye(2)[axis] * grid.edge * (1.0 if (x, y)[axis] >= 0 else -1.0) * 1.001
-        kept, same = grid.shift_window(window, (2, 5), far)
-        if abs((x, y)[axis]) + 1.001 > 1:
-            np.testing.assert_array_equal(kept, window)
-            assert same == (2, 5)
+    for far in ((1.001, y), (-1.001, y), (x, 1.001), (x, -1.001)):  # more than a cell away along one axis
+        kept, same = grid.shift_window(window, (2, 5), centre + np.array(far) * grid.edge)
+        np.testing.assert_array_equal(kept, window)
+        assert same == (2, 5)
 
 
 @pytest.mark.parametrize("masked", [False, True])
@@ -141,15 +140,6 @@ def test_even_forces_on_texels_reach_the_base_as_those_on_their_cells():
         even = np.full((2, 2), forces[texel] / 4)
         expected += base.from_window(even, (2 + 2 * row, 1 + 2 * column))
     np.testing.assert_allclose(base.from_texels(forces), expected, atol=1e-12)
-
-
-def bend(array, radius):
-    """The texels of a grid on a sheet that is bent about x."""
-    angle = array.centres[:, 1] / radius
-    normals = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
-    return dataclasses.replace(
-        array, centres=radius * (normals - [0, 0, 1]) + array.centres * [1, 0, 0], normals=normals
-    )
 
 
 def scatter(array, seed=4):

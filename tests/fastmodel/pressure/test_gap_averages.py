@@ -178,7 +178,7 @@ def test_the_kernel_as_loops_gives_what_its_compiled_form_gives():
         ("capsule", [0.0, 0, 0.3]),
     ],
 )
-def test_upright_and_lying_solids_have_the_gaps_of_ones_that_lean_by_a_billionth(name, turn):
+def test_upright_and_lying_solids_have_the_gaps_of_ones_that_lean_by_less_than_a_microradian(name, turn):
     """Lines are then parallel to faces, and to the axes of round solids."""
     body = pose_solids([name], [turn], [[-0.21e-3, 0.13e-3, 1.3e-3]], edge=EDGE)
     leans = Rotation.from_rotvec([2e-7, 3e-7, 1e-7]).as_matrix()
