@@ -72,7 +72,7 @@ def test_loads_are_summed_in_blocks_and_masked_texels_count_as_outside(solved, s
     assert found[-1] == pytest.approx(loads.ravel() @ solved.outside(masked, places), abs=1e-8)
 
 
-def test_three_grids_are_solved_coarsest_first_and_told(monkeypatch):
+def test_three_grids_are_solved_coarsest_first_and_reported(monkeypatch):
     grids = tuple(Resolution(across=each, through=1) for each in (0.5, 1.0, 2.0))
     monkeypatch.setattr(finite_cover, "GRIDS", grids)
     monkeypatch.setattr(finite_cover, "_SETTINGS", replace(finite_cover.FiniteCoverSettings(), many=600))

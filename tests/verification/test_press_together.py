@@ -86,7 +86,7 @@ def test_results_are_extrapolated_from_two_grids_whose_changes_are_their_errors(
             "misplaced": change[:-1].sum() / 6.4,
             "peak_texel": change[peak] / many[peak],
             "contact_area": abs(areas[1] / areas[0] - 1),
-            "depth": fine.error_estimate["depth"],
+            "depth": abs(fine.depths.max() / coarse.depths.max() - 1),
         }
     )
     # Thrice the change between the grids, pooled over the texels, and the error of the response of the base.

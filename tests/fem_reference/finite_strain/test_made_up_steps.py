@@ -1,4 +1,4 @@
-"""Loading paths whose steps succeed or fail as told: viscous motion, first steps, augmentation, and guesses."""
+"""Loading paths whose steps succeed or fail as prescribed: viscous motion, first steps, augmentation, and guesses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.support.rubber import make_solid
 
 
 class Surface:
-    """A contact that notes what it is told."""
+    """A contact that records its calls."""
 
     def __init__(self, friction=0.0):
         self.friction, self.weight, self.told = friction, np.ones(2), []
@@ -48,7 +48,7 @@ class Steps(ContactProblem):
         self.asked.append(call)
         found = self.answer(call)
         if found is None:
-            raise ConvergenceError("told to fail")
+            raise ConvergenceError("made to fail")
         depth = found.get("depth", depth)
         contact = SimpleNamespace(
             overlap=found.get("overlap", 0.0), pressure=np.full(2, found.get("pressure", 5.0)), total=0.0

@@ -67,7 +67,7 @@ def test_a_ball_beside_a_side_meets_less_resistance_and_mirrors():
     assert one.energy < inside.energy
 
 
-def test_a_ball_rubs_as_rings_say():
+def test_a_ball_with_friction_presses_as_the_solution_on_rings():
     friction = 0.15
     known = press_with_friction(ONE, BALL, 0.12e-3, friction, rings=8)
     found = press(ONE, BALL, 0.12e-3, friction)

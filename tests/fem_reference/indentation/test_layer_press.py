@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +11,12 @@ from fem_reference.errors import IncompletePathError, PiercedError, UnsupportedE
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import finite_strain, layered, rubbing, small_strain
-from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from fem_reference.indentation.layered import LayerPress, press_layers, state_assumptions, study_nonlinear
 from fem_reference.indentation.result import PressProblem, state_missed_accuracy
 from meshes import Box, Cone, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose
+from tests.support.indentations import FixedBase
 from tests.support.rubber import make_cover, stack_layers
 
 BALL, PIN = Sphere(radius=4e-3), Cylinder(radius=1e-3)
@@ -25,19 +25,9 @@ PLACE = Place(array=ARRAY, pose=Pose())
 RUBBER, LINEAR = make_cover(0.45), make_cover(0.45, "linear-elastic")
 
 
-@dataclass(frozen=True, eq=False)
-class Shares(Base):
-    """A load on the base with given forces on two texels and outside."""
-
-    values: tuple[float, float, float]
-
-    def forces(self, _array, _pose):
-        return np.array(self.values)
-
-
 def solve(force, depth, shares, area=1e-6, size=1.0):
     """A made-up solution on one grid, whose texel forces are shares of its force."""
-    base = Shares(tuple(force * each for each in shares))
+    base = FixedBase(values=force * np.array(shares))
     contact = np.array([[0.0, 0.0, force]])
     return GridSolution(
         size=size, total_force=force, depth=depth, area=area, contact=contact, base=base, energy=0.4 * force * depth
@@ -236,9 +226,7 @@ def put_contact(at, half, monkeypatch):
     return Place(array=ARRAY, pose=Pose.planar(at=at)), seen
 
 
-@pytest.mark.parametrize(
-    ("base", "gap"), [("bonded", 4.0), ("sliding", 15.0)],
-)  # fmt: skip
+@pytest.mark.parametrize(("base", "gap"), [("bonded", 4.0), ("sliding", 15.0)])
 @pytest.mark.parametrize("share", [0.99, 1.01])
 def test_sides_are_far_beyond_a_multiple_of_the_decay_length(base, gap, share, monkeypatch):
     """A contact whose farthest point is 0.5 mm from an axis at (2, -1) mm."""
@@ -335,10 +323,9 @@ def test_von_mises_stress_is_that_of_simple_states_and_scales():
     stress[1, 0, 2] = stress[1, 2, 0] = 2.0
     stress[2] = 5.0 * np.eye(3)
     stress[3] = np.diag([1.0, -2.0, 4.0])
-    made = SimpleNamespace(position=np.zeros((4, 3)), cells=np.zeros((1, 4), int), layer=np.zeros(1, int))
     fields = CoverFields(
-        position=made.position, displacement=np.ones((4, 3)), stress=stress, cells=made.cells, layer=made.layer,
-        axisymmetric=True,
+        position=np.zeros((4, 3)), displacement=np.ones((4, 3)), stress=stress, cells=np.zeros((1, 4), int),
+        layer=np.zeros(1, int), axisymmetric=True,
     )  # fmt: skip
     plane = np.sqrt((3.0**2 + 6.0**2 + 3.0**2) / 2)
     assert fields.von_mises == pytest.approx([3.0, 2 * np.sqrt(3), 0.0, plane])
@@ -386,7 +373,7 @@ def test_fields_are_scaled_to_the_force_and_state_how_far_the_top_is_off_the_fac
     assert found.error_estimate["contact_area"] == pytest.approx(2 * 3e-6 / 6e-6)
 
 
-def test_forces_on_the_base_that_miss_the_load_are_told(monkeypatch):
+def test_forces_on_the_base_that_miss_the_load_are_warned_of(monkeypatch):
     for missing, told in ((0.0009, False), (0.0011, True)):
         one = solve(2.0, 1e-4, (0.5, 0.3, 0.2 - missing))
         monkeypatch.setattr(small_strain, "study_path", lambda *_, one=one: GridStudy(solutions=[on_grids(one)]))

@@ -152,6 +152,6 @@ def test_covers_that_do_not_relax_alike_or_too_far_are_refused(cover, words, mon
         follow(monkeypatch, cover, FACE, 1.0, depths=[0.1e-3, 0.1e-3])
 
 
-def test_deep_presses_at_small_strain_are_told(monkeypatch):
+def test_deep_presses_at_small_strain_are_warned_of(monkeypatch):
     found, _ = follow(monkeypatch, relax(PRONY), BALL, 1.5, depths=[0.7e-3, 0.7e-3])
     assert found.warnings[-1] == "indented to 35% of the thickness: more than small strain is meant for"

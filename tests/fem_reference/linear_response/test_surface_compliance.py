@@ -143,7 +143,7 @@ def test_meshes_end_beyond_the_response_and_beyond_the_stretch_of_a_stiff_top(la
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
-def test_a_top_that_is_stretched_beyond_the_mesh_is_told(share):
+def test_a_top_that_is_stretched_beyond_the_mesh_is_warned_of(share):
     """The mesh ends at 40 thicknesses; 0.3 membrane lengths of a foil of 0.01 mm on 2 mm of foam."""
     wanted = share * 40 * 2.01e-3 / 0.3
     foam = 1e4

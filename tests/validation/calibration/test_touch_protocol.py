@@ -55,11 +55,10 @@ def test_the_plan_gets_what_was_asked_for_in_si_units(plan):
     assert (errors.place, errors.shift, errors.force) == pytest.approx((0.1e-3, 0.3e-3, 0.01))
     assert options == {"load": pytest.approx(1.0), "radius": pytest.approx(1e-3), "noise": None,
                        "wanted": ("gains", "thickness"), "earlier": None, "progress": None}  # fmt: skip
-    said = print
-    touches = np.array([[0, 0, 2.0, np.nan], [1e-3, 0, 1.0, 0.5e-3]])
+    touches, told = np.array([[0, 0, 2.0, np.nan], [1e-3, 0, 1.0, 0.5e-3]]), []
     next_touches(
         plan.sensor, 2, load="200 g", radius="0 mm", noise="3 mN", place_error="20 um", shift_error="0 mm",
-        force_error=0.05, want=("poisson",), after=SimpleNamespace(touches=touches), progress=said,
+        force_error=0.05, want=("poisson",), after=SimpleNamespace(touches=touches), progress=told.append,
     )  # fmt: skip
     options = plan.calls[1][1]
     errors = options.pop("errors")
@@ -67,7 +66,7 @@ def test_the_plan_gets_what_was_asked_for_in_si_units(plan):
     earlier = options.pop("earlier")
     np.testing.assert_allclose(earlier, [[0, 0, 2, 0], [1e-3, 0, 1, 0.5e-3]])  # an unknown radius is that of the tool
     assert options == {"load": pytest.approx(1.96133), "radius": 0.0, "noise": pytest.approx(3e-3),
-                       "wanted": ("poisson",), "progress": said}  # fmt: skip
+                       "wanted": ("poisson",), "progress": told.append}  # fmt: skip
 
 
 @pytest.mark.parametrize(

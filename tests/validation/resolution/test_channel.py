@@ -12,7 +12,7 @@ from fastmodel.signal.electronics import TEXEL_FORCE, Electronics
 from validation.errors import InputError
 from validation.resolution.channel import Channel, make_channel, say_noise
 
-#: 20 counts at zero force, 50 counts per newton, white at 60 counts; no count below a force of -0.4 N + 0.02 N k.
+#: 20 counts at zero force, 50 counts per newton, saturated at 60 counts; no count below a force of -0.4 N + 0.02 N k.
 COUNTS = Electronics(rate_hz=100.0, sensitivity=50.0, offset=20.0, output_max=60, bits=8, calibrated=TEXEL_FORCE)
 GAINS = replace(COUNTS, gains=(1.0, 0.5, 2.0))
 
@@ -50,7 +50,7 @@ def probabilities(channel, force):
 
 @pytest.mark.parametrize("noise", [0.002, 0.008, 0.05, 0.2])
 def test_the_information_is_the_sum_over_all_counts(noise):
-    """Exact where the noise is below half a count; else rounding acts as further noise, within a percent or two."""
+    """Exact where the noise is below half a count; else rounding acts as further noise, within 3 %."""
     channel = Channel(noise=noise, electronics=COUNTS)
     forces = np.array([0.0031, 0.2, 0.4123, 0.79])
     found = channel.information(forces[:, None])[:, 0]
@@ -130,7 +130,7 @@ def test_a_count_that_no_force_gives_tells_nothing():
     assert np.isfinite(found).all()
 
 
-def test_a_lit_texel_lies_three_noises_above_the_threshold_and_below_white():
+def test_a_lit_texel_lies_three_noises_above_the_threshold_and_below_saturation():
     dead = replace(COUNTS, offset=-5.0)  # the first count begins at 0.11 or 0.12 N
     channel = Channel(noise=0.01, electronics=replace(dead, gains=(1.0, 0.5)))
     first, last = channel.edges[1], channel.edges[-2]
@@ -168,7 +168,7 @@ def test_without_a_dead_zone_the_frame_is_weighted_with_the_known_image():
     assert found == pytest.approx(
         quantiles * math.hypot(noise, 0.02 / math.sqrt(12)) / np.linalg.norm(shares), rel=1e-6
     )
-    # white before any count is rare at rest: nothing is ever found
+    # of one count, which noise alone exceeds in more than one frame of a thousand: no touch is ever reported
     blind = replace(COUNTS, offset=-5.0, output_max=1)
     assert Channel(noise=0.2, electronics=blind).find_least_force(shares) == math.inf
 
