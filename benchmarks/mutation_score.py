@@ -93,6 +93,17 @@ def copy_tree(folder: Path) -> Path:
     return Path(shutil.copytree(ROOT, folder / "tree", ignore=skip))
 
 
+def prepare_tree(folder: Path) -> Path:
+    """Return a copy of the repository that is kept in a folder, with the kernels compiled in it, as it was copied."""
+    tree = folder / "tree"
+    if not tree.exists():
+        copy_tree(folder)
+    for path, text in read_sources().items():
+        if (tree / path).read_text() != text:
+            (tree / path).write_text(text)
+    return tree
+
+
 def run_python(tree: Path, arguments: list[str], seconds: float | None = None) -> int:
     """Run Python in a copy of the repository; raises `subprocess.TimeoutExpired` after a time."""
     environment = os.environ | ONE_THREAD | {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / "kernels")}
@@ -294,10 +305,10 @@ def score(known: Coverage, folder: Path, paths: tuple[str, ...], given: argparse
     records = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     done = {record["number"] for record in records}
     left = [number for number in range(min(given.cases, len(mutants))) if number not in done]
-    with tempfile.TemporaryDirectory() as place, kept.open("a") as file, ThreadPoolExecutor(given.processes) as pool:
+    with kept.open("a") as file, ThreadPoolExecutor(given.processes) as pool:
         trees: Queue[Path] = Queue()
         for number in range(given.processes):
-            trees.put(copy_tree(Path(place) / str(number)))
+            trees.put(prepare_tree(folder / str(number)))
 
         def work(number: int) -> dict[str, Any]:
             tree = trees.get()
