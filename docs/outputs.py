@@ -71,6 +71,13 @@ OF_THIS_MACHINE = (
     "softcover calibrate 1N.csv 2N.csv 3N.csv 4N.csv --sensor wts-0614-34",
     "softcover store list",
 )
+#: Commands that record in real time, whose number of frames depends on the load of the machine: words are compared.
+IN_REAL_TIME = (
+    "softcover emulate wts --seconds 20",
+    "softcover record wts --seconds 1 --out touch.mcap",
+    "softcover replay touch.mcap",
+    "softcover import touch.mcap --load 500g --out labelled.mcap",
+)
 #: Lines of progress, which depend on the speed of the machine and on what is in the store.
 _PROGRESS = re.compile(
     r"^\[ *[\d.]+ s\].*\n?|^\d+ cases?, .*\n?|^all reference solutions .*\n?|^the result store .*\n?|^.*ompil.*\n?"
