@@ -66,6 +66,27 @@ def test_the_spread_between_sessions_is_estimated_and_a_placing_image_reduces_th
     assert errors[1] < 0.5 * errors[0]
 
 
+def test_images_are_predicted_with_the_gains_of_their_own_session_and_strange_ones_with_the_common():
+    random = np.random.default_rng(3)
+    gains = draw_gains(random)
+    sessions = [gains * np.exp(0.3 * random.standard_normal(len(gains))) for _ in PLACES[:2]]
+    seen = [observe(random, own, place, loads=LOADS[1::2]) for own, place in zip(sessions, PLACES, strict=False)]
+    found = fit_forward(METHOD, join(*seen), OPTIONS)
+    one, two = (found.predict(each) for each in seen)
+    lit = (seen[0].counts > 50).all(axis=0) & (seen[1].counts > 50).all(axis=0)
+    for made, own, other in ((one, *seen), (two, *seen[::-1])):
+        assert np.abs(made[:, lit] / own.counts[:, lit] - 1).max() < 0.1
+        assert np.abs(made[:, lit] / other.counts[:, lit] - 1).mean() > 0.2
+    np.testing.assert_array_equal(found.predict(join(*seen)), np.vstack([one, two]))
+    common = found.curve.predict(
+        METHOD.texel_forces(STAMP, LOADS[1::2], POSE, smooth=True),
+        temperatures=np.full(2, 30.0), ages=np.full(2, 2.0), thresholds=np.zeros(2),
+    )  # fmt: skip
+    strange = replace(found, poses={**found.poses, "third": POSE})
+    third = replace(seen[0], placements=(PLACES[2],) * 2)
+    assert strange.predict(third) == pytest.approx(common)
+
+
 def test_one_session_alone_is_fitted_without_changes_of_gains():
     random = np.random.default_rng(2)
     gains = draw_gains(random)

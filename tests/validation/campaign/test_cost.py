@@ -2,8 +2,10 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
+import fem_reference
 from meshes import Sphere
 from tests.support.rubber import make_cover, stack_layers
 from validation.campaign.bench import LayeredBench
@@ -200,6 +202,25 @@ def test_spare_cases_take_the_time_that_is_left_and_no_more(bench, campaign, cas
     assert plan.describe(budget, 2).startswith("1 cases, 1 reference solutions missing from the store, and more")
     assert run_campaign(bench, cases, plan=plan, spare=2).cases[0] is campaign.cases[2]
     assert len(solved) == 3
+
+
+@pytest.mark.parametrize("spare", [0, 1])
+def test_progress_counts_the_planned_cases_that_are_done(spare, bench, campaign, cases, monkeypatch):
+    def solve(_, case, progress):
+        progress("half-way")
+        if case.name == cases[1].name:
+            raise fem_reference.ConvergenceError("no")
+        return campaign.cases[0]
+
+    monkeypatch.setattr(LayeredBench, "solve", solve)
+    told, number = [], 3 - spare
+    plan = Plan(missing=(True,) * 3, seconds=(1.0, 2.0, 3.0))
+    result = run_campaign(bench, cases, plan=plan, spare=spare, progress=lambda *each: told.append(each))
+    assert len(result.cases) == number - 1
+    assert [done for done, *_ in told] == [*np.repeat(range(number), 2), number]
+    assert {planned for _, planned, _ in told} == {number}
+    for case, (_, _, line) in zip(np.repeat(cases[:number], 2), told, strict=False):
+        assert case.name in line
 
 
 def test_a_plan_with_spare_cases_announces_no_more_than_the_budget():

@@ -141,6 +141,8 @@ def test_noise_of_groups_is_pooled_by_their_frames_and_short_ones_leave_it_to_th
     counts[12:20, 0] += 3 * np.tile(wave, 2)
     found = subtract_zero(TIMES, counts, ALL[:1], at_rest)
     assert found.noise == pytest.approx([np.sqrt((2 * 4 + 72 / 6 * 8) / 12)], rel=0.02)
+    at_rest[3] = False  # three frames tell no deviation about a trend; the long group alone does
+    assert subtract_zero(TIMES, counts, ALL[:1], at_rest).noise == pytest.approx([np.sqrt(72 / 6)], rel=0.02)
     few = subtract_zero(TIMES, counts, ALL[:1], TIMES < 3)
     assert np.isnan(few.noise).all()
     image = np.zeros(20, dtype=bool)
@@ -258,6 +260,11 @@ def test_rest_is_at_the_start_or_the_end_and_ends_half_a_second_or_more_after_th
         (repeat((-0.4, 6), (10, 10)), [*range(6)]),
         (repeat((0, 6), (0.04, 4), (10, 10)), [*range(10)]),
         (repeat((0, 6), (0.06, 4), (10, 10)), [*range(6)]),
+        # the reach is a share of the range, so that an offset of the channel does not change it
+        (repeat((0.4, 6), (0.449, 4), (10.4, 10)), [*range(10)]),
+        (repeat((0.4, 6), (0.451, 4), (10.4, 10)), [*range(6)]),
+        (repeat((-0.4, 6), (-0.351, 4), (9.6, 10)), [*range(10)]),
+        (repeat((-0.4, 6), (-0.349, 4), (9.6, 10)), [*range(6)]),
         (repeat((0, 3)), []),
         (repeat((3, 9)), []),
     ],

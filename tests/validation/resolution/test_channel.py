@@ -173,6 +173,16 @@ def test_without_a_dead_zone_the_frame_is_weighted_with_the_known_image():
     assert Channel(noise=0.2, electronics=blind).find_least_force(shares) == math.inf
 
 
+@pytest.mark.parametrize("force", [2e-3, 0.7, 90.0, 9e3, 1.9e4, 1e5, math.inf])
+def test_one_texel_shows_a_touch_at_the_level_and_the_quantile_of_the_noise_unless_no_force_suffices(force):
+    """The level and 1.28 standard deviations reach the texel at the force, if that lies below about 1e4 N."""
+    channel = Channel(noise=0.1, electronics=replace(COUNTS, offset=-5.0))
+    edges = channel.edges[1:-1, 0]
+    level = edges[np.argmax(norm.cdf(edges / 0.1) >= 0.999)]
+    found = channel.find_least_force(np.array([(level - 0.1 * norm.ppf(0.1)) / force]))
+    assert found == pytest.approx(force if force < 1e4 else math.inf, rel=1e-6)
+
+
 def test_the_noise_of_a_channel_is_stated_of_the_electronics_or_one_count():
     active = np.array([True, False, True])
     channel, assumed = make_channel(GAINS, None, active)
