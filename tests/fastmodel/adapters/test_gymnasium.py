@@ -6,6 +6,7 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
+import scipy.stats
 
 import fastmodel
 from fastmodel import FastModelError
@@ -315,6 +316,27 @@ def test_gains_offsets_and_dead_texels_vary_with_the_seed_of_the_reset_alone():
         info["frames"]["tactile"]["texel_forces"][0] * info["frames"]["tactile"]["made"],
         true * info["frames"]["tactile"]["made"],
     )
+
+
+def test_gains_of_texels_are_normally_distributed_about_one():
+    """In each of thirty episodes a ball lies on the array from the beginning."""
+    spec, sensor = build_pushed_ball(dataclasses.replace(PARAMETERS, filter=None))
+    spec.body("ball").pos[2] = 5.6e-3
+    env = TactileObservation(
+        BallEnv(spec.compile()), sensor, observe="texel_forces", variation=Variation(gain=0.3, dead=0.1)
+    )
+    gains = []
+    for seed in range(30):
+        env.reset(seed=seed)
+        seen = run(env, 5)[-1].ravel()
+        true = env.sensors["tactile"].frame().texel_forces
+        gains.append((seen / np.where(true, true, 1))[true > 1e-3 * true.max()])
+    gains = np.array(gains)
+    assert (gains == 0).mean() == pytest.approx(0.1, abs=4 * (0.09 / gains.size) ** 0.5)
+    alive = gains[gains != 0]
+    assert alive.size > 400
+    assert scipy.stats.kstest(alive, scipy.stats.norm(1.0, 0.3).cdf).pvalue > 1e-3
+    assert abs(np.corrcoef(gains[:-1].ravel(), gains[1:].ravel())[0, 1]) < 4 / gains.size**0.5
 
 
 def test_late_observations_are_those_of_earlier_frames():

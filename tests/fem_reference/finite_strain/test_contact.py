@@ -8,7 +8,7 @@ import skfem
 
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain import contact as surface_contact
-from fem_reference.finite_strain.contact import SurfaceContact
+from fem_reference.finite_strain.contact import NormalContact, SurfaceContact, TopPoints
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes import Box
 
@@ -67,3 +67,34 @@ def test_a_point_that_sticks_is_pulled_back_to_where_it_stuck():
     moved = state[: elements.displacements].reshape(-1, 3)
     moved[:, 0] = 0
     assert contact.evaluate(state, 0.2).traction == pytest.approx(first.traction)
+
+
+def test_pressures_along_normals_hold_back_a_surface_of_any_slope():
+    """Displacements along a slanted top change no gap, one along the normal changes it, and the pressure acts along it.
+
+    Gaps and overlaps are lengths along the normal over its vertical component, areas are those across the motion, so
+    that the vertical force is the sum of penalty, overlap and area, and the horizontal one follows from the slope.
+    """
+    elements = prepare_elements(skfem.MeshHex().refined(1))
+    surface = IndenterSurface(indenter=Box(size=(10.0, 10.0, 1.0)), fillet=0.1)
+    points = TopPoints.on_plane(elements, 1.0)
+    normal, gap, depth = np.array([0.48, -0.36, 0.8]), 0.05, 0.2
+    contact = NormalContact(
+        lambda depth: np.full(points.weight.shape, gap - depth),
+        np.broadcast_to(normal, points.position.shape),
+        elements, 1.0, surface, penalty=50.0, points=points,
+    )  # fmt: skip
+
+    def press(displacement):
+        state = np.zeros(elements.displacements + elements.pressures)
+        state[: elements.displacements].reshape(-1, 3)[:] = displacement
+        return contact.evaluate(state, depth)
+
+    for along, out in ((0.0, 0.0), (0.3, 0.0), (0.3, 0.04), (-0.2, -0.07)):
+        found = press(along * np.array([0.6, 0.8, 0.0]) + out * normal)
+        overlap = depth - gap + out / 0.8
+        assert found.gap == pytest.approx(np.full_like(points.weight, -overlap))
+        assert found.total == pytest.approx(50.0 * overlap * points.weight.sum())
+        forces = found.force[: elements.displacements].reshape(-1, 3).sum(axis=0)
+        assert forces == pytest.approx(50.0 * overlap * points.weight.sum() * normal / 0.8)
+    assert press(-0.5 * normal).total == 0

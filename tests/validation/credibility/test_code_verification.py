@@ -6,10 +6,13 @@ import math
 import numpy as np
 import pytest
 
+from meshes import Material
+from validation.credibility import verification
 from validation.credibility.verification import (
     Check,
     check_bonded_disk,
     check_point_load,
+    check_shell,
     check_surface_compliance,
     verify_code,
 )
@@ -85,3 +88,11 @@ def test_a_cover_under_which_the_closed_form_does_not_exist_has_fewer_checks(bon
     assert 3 <= len(names) < 7
     assert not any("flat cylinder" in name for name in names)
     assert np.unique(names).size == len(names)
+
+
+def test_a_coarse_shell_is_as_near_to_its_closed_form_at_every_thickness(monkeypatch):
+    monkeypatch.setattr(verification, "_SHELL_MESHES", ((1.6, 2),))
+    rubber = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.4)
+    thin, thick = (check_shell(rubber, thickness).errors for thickness in (0.3e-3, 8e-3))
+    assert thin == pytest.approx(thick, rel=1e-6)
+    assert 0 < thin[0] < 0.2  # of the load
