@@ -54,7 +54,8 @@ def test_bodies_beside_the_cells_have_no_samples():
 def test_a_smaller_reach_keeps_the_cells_with_the_smallest_gaps_and_their_neighbours(tilt):
     """Cells far above the contact are not sampled; those that are kept are as if all had been."""
     turned = np.array([[np.cos(tilt), 0, -np.sin(tilt)], [0, 1, 0], [np.sin(tilt), 0, np.cos(tilt)]])
-    for indenter in (Sphere(radius=8e-3), Box(size=(12e-3, 6e-3, 5e-3))):
+    wide = Box(size=(100e-3, 100e-3, 5e-3))  # than the cells; where it is turned, gaps rise from cell to cell
+    for indenter in (Sphere(radius=8e-3), Box(size=(12e-3, 6e-3, 5e-3)), wide):
         body = pose_body(indenter)
         body = replace(body, rotation=turned @ body.rotation, position=body.position @ turned.T)
         every, reach = sample_gap(GRID, [body], [np.inf]), 2e-4

@@ -45,6 +45,12 @@ def counted(touches):
     return Locator(touches=touches, channel=channel, centres=WTS.array.centres, radii=(0.0, 0.0))
 
 
+@pytest.fixture(scope="module")
+def chart(touches):
+    """Texel forces of touches of a radius of up to a pitch, within three pitches."""
+    return make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
+
+
 def find(locator, forces, seed=None, count=1):
     """Locate touches in texel forces, with noise of a seed or without."""
     shape = (1, len(forces))
@@ -68,8 +74,7 @@ def width(frame):
     return np.array([each.high - each.low for each in (touch.x, touch.y, touch.force)])
 
 
-def test_a_chart_has_the_exact_response_of_round_touches(touches):
-    chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
+def test_a_chart_has_the_exact_response_of_round_touches(touches, chart):
     places = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 2)) * PITCH
     apart = touches.origins[MIDDLE, :2] + places[:, None] - WTS.array.centres[:, :2]
     for radius in (0.0, 0.8e-3, 2.7e-3):
@@ -78,10 +83,9 @@ def test_a_chart_has_the_exact_response_of_round_touches(touches):
         assert found == pytest.approx(exact[:, chart.order], abs=1.5e-3)
 
 
-def test_a_chart_has_the_response_of_an_oval_touch(touches):
+def test_a_chart_has_the_response_of_an_oval_touch(touches, chart):
     """Pairs of touches on two axes differ by the moments that the second and third row of a chart stand for."""
     radius, apart = 1e-3, 0.15e-3
-    chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
     place = np.array([[0.4e-3, 0.7e-3]])
     _, oval, turned = share_points(chart.arrays, place, np.array([radius]), len(chart.order))[0]
     for found, first, second in ((oval, [apart, 0.0], [0.0, apart]), (turned, [apart, apart], [apart, -apart])):
@@ -92,9 +96,8 @@ def test_a_chart_has_the_response_of_an_oval_touch(touches):
         assert found == pytest.approx((along - across) * radius**2 / (5 * np.dot(first, first)), abs=5e-4)
 
 
-def test_the_likelihood_of_a_fit_is_that_of_the_counts(touches, counted):
+def test_the_likelihood_of_a_fit_is_that_of_the_counts(touches, chart, counted):
     """Compiled least squares and likelihood, against those of numpy and the channel, with dark and saturated texels."""
-    chart = make_chart(touches, MIDDLE, -1.5 * PITCH, 1.5 * PITCH, (0.0, PITCH[0]))
     forces, _ = press(touches, [0.5e-3, 0.3e-3], 5.0)
     reading, seen, noise, most = counted.channel.read(forces[None], np.zeros((1, 84))), chart.order[:30], NOISE, 20.0
     low, high = reading.low[0, seen], reading.high[0, seen]
@@ -119,6 +122,25 @@ def test_the_likelihood_of_a_fit_is_that_of_the_counts(touches, counted):
     force = np.maximum(linear[:, 0], 1e-12)
     density = -((linear[:, 1:] ** 2).sum(axis=1)) / (0.5 * force) ** 2 / 2 - 2 * np.log(force)
     assert logs[:, 0] == pytest.approx(volume + density, rel=1e-6)
+
+
+def test_force_and_ellipticities_of_exact_texels_are_given_back_with_the_covariance_of_least_squares(chart):
+    """The prior beside the texels: a uniform force of 0 to the largest one, and ellipticities of 0.5 of the force."""
+    rng, true, noise, most, power = np.random.default_rng(5), np.array([1.5, 0.4, -0.3]), 1e-4, 20.0, 0.7
+    places, radii = rng.uniform(-0.8, 0.8, (5, 2)) * PITCH, rng.uniform(0.5, 1.0, 5) * PITCH[0]
+    spread = noise * rng.uniform(0.5, 2.0, 30)
+    for place, radius in zip(places, radii, strict=True):
+        at = (place[None], np.array([radius]))
+        shares = share_points(chart.arrays, *at, 30)[0]
+        texels = np.array([true @ shares, spread**-2, np.ones(30), np.zeros(30)])
+        found, *_ = fit_touches(chart.arrays, texels, noise, most, power, *at, np.zeros((1, 3)))
+        assert found[0] == pytest.approx(true, abs=2e-3)
+        moved = [
+            (fit_touches(chart.arrays, texels, noise, most, power, *at, axis[None].copy())[0] - found)[0]
+            for axis in np.eye(3)
+        ]
+        precision = power * (shares / spread**2) @ shares.T + np.diag([12 / most**2, *2 * [(0.5 * true[0]) ** -2]])
+        assert np.transpose(moved) @ moved @ precision == pytest.approx(np.eye(3), abs=1e-3)
 
 
 def test_a_frame_without_noise_gives_its_touch_back(touches, points):
