@@ -1,13 +1,18 @@
-"""Experiments of the regression check on sensors whose readings follow from formulas."""
+"""Experiments of the regression check on sensors and campaigns whose readings follow from formulas."""
 
+import dataclasses
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fastmodel import WTS_0614_34, Gaussian, Parameters
 from meshes import TexelArray
+from tests.support.made_up_evaluation import CASES, make_case
+from validation.campaign.run import summarise
 from validation.regression.experiments import measure_spread
+from validation.regression.quantities import measure_accuracy
 from validation.regression.reading import Subject
 
 #: Standard deviations of a point spread along x and y [pitches].
@@ -44,3 +49,25 @@ def test_the_spread_is_read_on_the_middle_texel_and_on_its_neighbours_inside_the
         abs=1e-3,
     )
     assert found["foundation modulus"] is None
+
+
+def test_the_scores_of_the_fast_model_are_read_in_all_cases_that_have_them_in_the_units_of_the_metrics():
+    results = [make_case(number, case) for number, case in enumerate(CASES)]
+    fast = results[0].predictions["fast"]
+    blank = dataclasses.replace(fast, score=dataclasses.replace(fast.score, centre_of_pressure_m=np.nan))
+    results[0] = dataclasses.replace(results[0], predictions={**results[0].predictions, "fast": blank})
+    found = measure_accuracy(SimpleNamespace(campaign=summarise(results, (), None)))
+    for metric, unit, factor in (
+        ("misplaced_force", "%", 100), ("relative_l2", "%", 100), ("centre_of_pressure_m", "mm", 1e3)
+    ):  # fmt: skip
+        scores = {each.case.name: factor * getattr(each.predictions["fast"].score, metric) for each in results}
+        assert found[metric].unit == unit
+        assert {case: score for case, (score,) in found[metric].numbers.items()} == pytest.approx(
+            {case: score for case, score in scores.items() if np.isfinite(score)}, rel=1e-3
+        )
+    means = found["mean misplaced force of each method"].numbers
+    for model, (mean,) in means.items():
+        scores = [each.predictions[model].score.misplaced_force for each in results]
+        assert mean == pytest.approx(100 * np.mean(scores), rel=1e-3)
+    assert {"fast", "foundation"} <= set(means)
+    assert found["skipped cases"].numbers == {"": (0.0,)}

@@ -149,6 +149,21 @@ def test_a_frame_without_noise_gives_its_touch_back(touches, points):
         assert middle(find(points, forces)) == pytest.approx([*at, 0.7], abs=5e-4)
 
 
+def test_a_round_touch_of_unknown_radius_is_explained_although_a_full_step_goes_too_far(touches):
+    radius = 2.8e-3
+    locator = Locator(
+        touches=touches, channel=Channel(noise=NOISE), centres=WTS.array.centres, radii=(0.0, float(PITCH[0]))
+    )
+    forces, at = press(touches, [-0.01, 0.39] * PITCH, 1.0, radius=radius)
+    found = find(locator, forces, seed=12)
+    assert found.words == ()
+    assert found.unexplained < 0.01
+    touch = found.touches[0]
+    for value, true in ((touch.x, at[0]), (touch.y, at[1]), (touch.force, 1.0), (touch.radius, radius)):
+        assert abs(value.value - true) < value.high - value.low
+    assert touch.force.high - touch.force.low < 0.1
+
+
 def test_a_symmetric_frame_gives_a_touch_on_its_line(touches, points, counted):
     for locator, load in ((points, 1.0), (counted, 2.0)):
         forces, at = press(touches, [PITCH[0] / 2, 0.0], load)  # between two texels
