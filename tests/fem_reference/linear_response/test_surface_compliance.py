@@ -96,6 +96,25 @@ def test_the_compliance_of_a_cell_is_that_of_the_same_cell_cut_into_parts(bonded
         assert whole == pytest.approx(cut, rel=1e-3, abs=3e-4 * own)
 
 
+@pytest.mark.parametrize(("width", "height"), [(0.2e-3, 0.2e-3), (0.3e-3, 0.1e-3), (0.1e-3, 0.3e-3)])
+def test_the_mean_over_a_cell_is_that_of_its_points_near_and_far_along_both_axes(bonded, width, height):
+    """Gauss quadrature of the displacement under one cell; the half-space part of distant cells is expanded."""
+    response = surface_compliance(bonded(0.3), 20e-3)
+    away = np.array([0.0, 0.5e-3, 1.6e-3, 3.3e-3, 6.6e-3, 9.8e-3])
+    x, y = (each.ravel() for each in np.meshgrid(away, -away))
+    points, weights = np.polynomial.legendre.leggauss(6)
+    mean = sum(
+        one * other / 4 * response.of_rectangle(x + width / 2 * u, y + height / 2 * v, width, height)
+        for u, one in zip(points, weights, strict=True)
+        for v, other in zip(points, weights, strict=True)
+    )
+    found = response.average_over_cells(x, y, width, height)
+    half_space = response.half_space * width * height / np.maximum(np.hypot(x, y), min(width, height) / 4)
+    distant = np.hypot(x, y) > max(width, height)  # nearer ones are not smooth over the points
+    assert (np.abs(found - mean) / half_space)[distant].max() < 1e-5
+    assert (np.abs(found - mean) / half_space).max() < 1e-3
+
+
 def test_cells_of_a_wide_contact_on_an_incompressible_cover_add_up_to_the_slope_of_its_long_waves(bonded):
     cover, wave = bonded(0.5), 0.05  # wave number times thickness: the compliance is a thousandth of the half space's
     surface = surface_compliance(cover, 1e9)
