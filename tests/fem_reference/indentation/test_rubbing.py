@@ -62,6 +62,17 @@ def test_a_ball_rubs_as_rings_say_at_a_depth_and_under_its_load(cover, friction)
         assert [each.depth for each in by_load] == pytest.approx([0.15e-3] * 3, rel=0.01)
 
 
+@pytest.mark.parametrize(("control", "target"), [("depth", 0.13e-3), ("load", 0.25)])
+def test_a_path_of_a_ball_ends_at_its_depth_or_load_and_friction_stiffens_it(control, target, monkeypatch):
+    monkeypatch.setattr(rubbing, "GRIDS", (16, 16, 16))
+    monkeypatch.setattr(small_strain, "CELLS", (16,) * 4)
+    found = study(ONE, BALL, 0.4, target, control=control)
+    rubbed, smooth = found.solutions[0][-1], found.accurate.solutions[0][-1]
+    for each in (rubbed, smooth):
+        assert {"depth": each.depth, "load": each.total_force}[control] == pytest.approx(target, rel=1e-4)
+    assert 1.005 < rubbed.total_force / rubbed.depth / (smooth.total_force / smooth.depth) < 1.1
+
+
 @pytest.mark.parametrize(("friction", "steps"), [(0.3, 0.5), (np.inf, 1.0)])
 @pytest.mark.parametrize("refinement", [0, 1])
 def test_grids_are_refined_from_the_coarse_end_to_the_fine_end(friction, steps, refinement, monkeypatch):
