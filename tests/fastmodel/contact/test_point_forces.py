@@ -7,6 +7,7 @@ import pytest
 import fastmodel
 from fastmodel.pressure.cell_grid import CellGrid
 from tests.support.cover_data import WTS, cells
+from tests.support.hats import share_by_hats
 from tests.support.scenes import add_body, make_spec
 
 CELLS = cells()
@@ -42,25 +43,12 @@ def press(method, *, block):
     return method.bind(model, WTS, "pad", surface=CELLS).read(data), np.array(rows)
 
 
-def share(points):
-    """Forces on all cells, by hats over their centres."""
-    found = np.zeros((GRID.rows, GRID.columns))
-    for x, y, force in points:
-        away = [
-            np.abs((place - low) / edge - 0.5 - np.arange(count))
-            for place, low, edge, count in zip((x, y), GRID.low, GRID.edge, found.shape[::-1], strict=True)
-        ]
-        along, across = (np.maximum(1 - each, 0) for each in away)
-        found += force * np.outer(across, along)
-    return found
-
-
 @pytest.mark.parametrize("method", METHODS, ids=["cover", "foundation"])
 def test_forces_at_points_reach_the_texels_as_those_on_their_cells(method):
     reading, rows = press(method, block=False)
     assert len(rows) >= 3
     assert rows[:, 3].all()
-    forces = share(rows[:, :3])
+    forces = share_by_hats(GRID, rows[:, :3])
     row, column = np.indices(forces.shape).reshape(2, -1)
     np.testing.assert_allclose(reading.contact_forces, GRID.sum_on_texels(row, column, forces.ravel()), atol=1e-9)
     base = GRID.build_base_forces(CELLS, WTS)
@@ -77,7 +65,7 @@ def test_points_and_bodies_of_known_shape_press_together(method):
     field = rows[:, 3] > 0
     assert field.any()
     assert (~field).any()
-    points = share(rows[field, :3])
+    points = share_by_hats(GRID, rows[field, :3])
     row, column = np.indices(points.shape).reshape(2, -1)
     rest = reading.contact_forces - GRID.sum_on_texels(row, column, points.ravel())
     assert rest.min() > -1e-9

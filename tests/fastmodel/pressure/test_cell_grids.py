@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid, divide_into_panels, lay_out
 from fastmodel.surface import CoverCells
 from meshes import TexelArray
+from tests.support.hats import share_by_hats
 
 PITCH = (2e-3, 3e-3)
 ARRAY = TexelArray.grid(3, 5, PITCH)
@@ -73,14 +74,7 @@ def test_point_forces_are_shared_as_by_hats_over_the_cells(shape):
     row, column, forces = grid.divide_points(points)
     found = np.zeros((grid.rows, grid.columns))
     np.add.at(found, (row, column), forces)
-    first = grid.low + np.array(grid.edge) / 2
-    last = first + (np.array([grid.columns, grid.rows]) - 1) * grid.edge
-    expected = np.zeros_like(found)
-    for x, y, force in points:
-        place = np.clip([x, y], first, last)
-        for i, j in np.ndindex(found.shape):
-            away = np.abs(place - first - np.array([j, i]) * grid.edge) / grid.edge
-            expected[i, j] += max(force, 0) * np.prod(np.maximum(1 - away, 0))
+    expected = share_by_hats(grid, np.maximum(points, [-np.inf, -np.inf, 0]))
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert expected.sum() == pytest.approx(np.maximum(points[:, 2], 0).sum())
 
