@@ -97,7 +97,8 @@ def prepare_tree(folder: Path) -> Path:
     """Return a copy of the repository that is kept in a folder, with the kernels compiled in it, as it was copied."""
     tree = folder / "tree"
     if not tree.exists():
-        copy_tree(folder)
+        shutil.rmtree(folder / "new", ignore_errors=True)  # A run that was stopped may have left a part of a copy.
+        copy_tree(folder / "new").rename(tree)
     for path, text in read_sources().items():
         if (tree / path).read_text() != text:
             (tree / path).write_text(text)
