@@ -9,8 +9,8 @@ from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE
 from validation.errors import InputError
 
-#: Least change over its tolerance [-] whose quantity is named; the last bit of a sum changes less.
-LEAST_NAMED = 0.01
+#: Change over its tolerance from which on the quantity is named; smaller changes may be rounding [-].
+_LEAST_NAMED = 0.01
 
 
 def regress(
@@ -107,9 +107,12 @@ def explain_verdict(changes: Mapping[str, float]) -> str:
     moved = [title for title, value in changes.items() if not value <= 1]
     if not moved:
         worst = max(changes, key=lambda title: changes[title], default="")
-        near = f"; the largest change is {changes[worst]:.2g} of its tolerance ({worst})" if worst else ""
-        if worst and changes[worst] < LEAST_NAMED:
-            near = f"; none changed by more than {LEAST_NAMED:g} of its tolerance"
+        if not worst:
+            near = ""
+        elif changes[worst] < _LEAST_NAMED:
+            near = f"; none changed by more than {_LEAST_NAMED:g} of its tolerance"
+        else:
+            near = f"; the largest change is {changes[worst]:.2g} of its tolerance ({worst})"
         return f"All {len(changes)} quantities are within their tolerances{near}."
     groups = ", ".join(dict.fromkeys(title.partition(":")[0] for title in moved))
     return (
