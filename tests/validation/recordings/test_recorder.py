@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.support.mcap_bytes import encode_cdr, encode_header, take_apart
 from validation.recordings import capture, mcap_reader
 from validation.recordings.mcap_writer import StorageError
 from validation.recordings.recording import Setup
@@ -120,3 +121,72 @@ def test_a_recorder_that_is_stopped_says_what_it_kept(tmp_path, events, error, k
         capture.record(sensor, tmp_path / "a.mcap")
     assert str(caught.value).startswith(message)
     assert ("had come" in str(caught.value)) == ("had come" in message)
+
+
+def test_a_file_holds_when_each_frame_was_taken_and_came(tmp_path):
+    """The clock of the host runs on from the time at which the recorder begins; the ticks of the device are 1 ms."""
+    events = make_events(0.0, 0.25, 1.0)
+    events.insert(2, Gap(kind="silence", host_time=events[1].host_time + 3, after=1, frames=2))
+    sensor = FakeSensor(events)
+    before = time.time_ns() - time.monotonic_ns()
+    done = capture.record(sensor, str(tmp_path / "a.mcap"), setup=Setup(source="mine"))
+    after = time.time_ns() - time.monotonic_ns()
+    messages = take_apart((tmp_path / "a.mcap").read_bytes()).messages
+    frames = [each for each in messages if each[0] == "/tactile/frame"]
+    (shift,) = {each[2] - event.host_time for each, event in zip(frames, [*events[:2], events[3]], strict=True)}
+    assert min(before, after) - 10**6 <= shift <= max(before, after) + 10**6
+    assert [each[1] for each in frames] == [0, 1, 2]
+    assert [each[3] for each in frames] == [event.host_time + shift for event in (*events[:2], events[3])]
+    assert [each[2:] for each in messages if each[0] == "/raw"] == [
+        (event.host_time + shift,) * 2 + (encode_cdr(("I", 0), ("I", 0), ("B*", b"ab")),) for event in events
+    ]
+    gaps = [each for each in messages if each[0] == "/diagnostics"]
+    texts = ["silence, after tick 1, 2 frames", "silence, after tick 5"]
+    times = [events[2].host_time + shift, events[3].host_time + shift]
+    assert [each[2:] for each in gaps] == [
+        (at, at, encode_cdr(*encode_header(*divmod(at, 10**9), "gap"), ("I", 1), ("B", 1), ("s", "gap"), ("s", text),
+                            ("s", ""), ("I", 0)))
+        for at, text in zip(times, texts, strict=True)
+    ]  # fmt: skip
+    warm = [each[2] for each in messages if each[0] == "/temperatures"]
+    assert len(warm) == 2
+    assert abs(warm[1] - time.time_ns()) < 60 * 10**9
+    assert (done.path, done.gaps, done.frames) == (tmp_path / "a.mcap", 2, 3)
+    assert (done.residual.median, done.residual.unfitted) == (0.0, 0)
+    back = mcap_reader.read(tmp_path / "a.mcap")
+    assert (back.setup.source, back.ticks.tolist()) == ("mine", [0, 250, 1000])
+    assert [each.tolist() for each in back.arrays[0].counts] == [[0, 1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 6],
+                                                                 [2, 3, 4, 5, 6, 7]]  # fmt: skip
+
+
+def test_what_a_sensor_does_not_answer_is_told_and_left_out(tmp_path):
+    class Silent(FakeSensor):
+        def read_mask(self):
+            raise NoAnswerError("no mask")
+
+        read_type = read_temperature = read_gain = read_tag = read_mask
+
+    done = capture.record(Silent(make_events(0.0)), tmp_path / "a.mcap")
+    assert done.unknown == ("type", "tag", "gain", "temperature", "mask", "temperature before the frames",
+                            "temperature after the frames")  # fmt: skip
+    assert (done.frames, done.seconds) == (1, 0.0)
+    back = mcap_reader.read(tmp_path / "a.mcap")
+    assert back.setup.device == {"serial": 77, "firmware": "1.2", "threshold": 9}
+    assert (back.arrays[0].texels.name, back.arrays[0].texels.active.all()) == ("tactile", True)
+    assert (back.temperatures.shape, back.setup.load, back.setup.note) == ((0, 0), None, "")
+
+
+def test_options_that_are_not_given_ask_for_plain_frames_at_the_highest_rate(tmp_path):
+    sensor = FakeSensor(make_events(0.0))
+    capture.record(sensor, tmp_path / "a.mcap")
+    assert sensor.asked == {"run_length": False, "interval_ms": 0, "reconnect": 0.0}
+    made = capture.make_device_array(sensor.read_matrix())
+    assert (made.texels.name, made.texels.active.all(), made.full_scale) == ("tactile", True, 1000)
+
+
+@pytest.mark.parametrize(
+    ("frames", "seconds", "rate"), [(2, 0.5, 2.0), (1, 0.5, np.nan), (2, 0.0, np.nan), (0, 1.0, np.nan), (9, 2.0, 4.0)]
+)
+def test_the_rate_is_that_of_the_steps(tmp_path, frames, seconds, rate):
+    done = replace(capture.record(FakeSensor(make_events(0.0)), tmp_path / "a.mcap"), frames=frames, seconds=seconds)
+    assert done.rate == pytest.approx(rate, nan_ok=True)
