@@ -65,6 +65,10 @@ def test_the_scores_of_the_fast_model_are_read_in_all_cases_that_have_them_in_th
         assert {case: score for case, (score,) in found[metric].numbers.items()} == pytest.approx(
             {case: score for case, score in scores.items() if np.isfinite(score)}, rel=1e-3
         )
+    assert {metric: found[metric].tolerance for metric in found if not found[metric].relative} == {
+        "misplaced_force": 0.05, "relative_l2": 0.1, "total_force_error": 0.02, "centre_of_pressure_m": 0.002,
+        "image_changed_percent": 0.02, "skipped cases": 0.5,
+    }  # fmt: skip
     means = found["mean misplaced force of each method"].numbers
     for model, (mean,) in means.items():
         scores = [each.predictions[model].score.misplaced_force for each in results]

@@ -191,13 +191,14 @@ def test_two_bodies_press_with_friction_and_the_shear_is_read_over_the_load(monk
         )  # fmt: skip
 
     monkeypatch.setattr(fem_reference, "press", press)
-    cover = make_cover(model="neo-hookean")
-    subject = SimpleNamespace(derivation=SimpleNamespace(sensor=replace(SENSOR, cover=cover)))
+    array = replace(SENSOR.array, centres=np.add(SENSOR.array.centres, [7e-3, -4e-3, 0.0]))
+    sensor = replace(SENSOR, cover=make_cover(model="neo-hookean"), array=array)
+    subject = SimpleNamespace(derivation=SimpleNamespace(sensor=sensor))
     found = measure_friction(subject)
-    (_, array, ball, depth, friction), (_, _, face, other_depth, stuck) = asked
+    (_, given, ball, depth, friction), (_, _, face, other_depth, stuck) = asked
     assert all(layer.material.model == "linear-elastic" for layer in asked[0][0].layers)
     assert asked[0][0].thickness == pytest.approx(4e-3)
-    assert array is SENSOR.array
+    assert given is array
     assert (ball.radius, face.radius) == (pytest.approx(80e-3), pytest.approx(4e-3))
     assert (type(ball).__name__, type(face).__name__) == ("Sphere", "Cylinder")
     assert (depth, other_depth) == (pytest.approx(0.08e-3), pytest.approx(0.08e-3))
