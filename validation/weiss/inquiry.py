@@ -87,6 +87,8 @@ def _measure_clock(sensor: Sensor) -> str:
     stream = sensor.stream()
     readings = [event for event in islice(stream, _CLOCK_FRAMES) if isinstance(event, Reading)]
     stream.close()
+    if not readings or readings[-1].ticks == readings[0].ticks or readings[-1].host_time == readings[0].host_time:
+        raise ValueError(f"{len(readings)} frames of {_CLOCK_FRAMES} events have one time; expected a clock that runs")
     first, last = readings[0], readings[-1]
     seconds = 1e-9 * (last.host_time - first.host_time)
     tick, rate = seconds / (last.ticks - first.ticks), (len(readings) - 1) / seconds

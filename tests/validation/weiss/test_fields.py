@@ -407,6 +407,19 @@ def test_open_questions_are_answered_by_their_values(open_port, monkeypatch):
     assert (found["device tag (0x52)"], len(found), len(UNCONFIRMED)) == ("'palm'", 11, 8)
 
 
+@pytest.mark.parametrize("step", [1, 0])
+def test_a_clock_that_stands_and_other_unexpected_answers_are_told(open_port, step):
+    """Frames that come all at once, or with one time; raw ones although packed ones were asked for; a changed loop."""
+    frames = b"".join(send(0, encode_frame(step * number, [1] * 6)) for number in range(300))
+    _, sensor = open_port({0x06: answer(0x06, b"else"), 0x21: answer(0x21) + frames})
+    with sensor:
+        found = inquire(sensor)
+    told = "not as assumed: 300 frames of 300 events have one time; expected a clock that runs"
+    assert found["clock"] == told
+    assert found["loop (0x06)"] == "answers b'else' to b'softcover'"
+    assert found["run length"] == "asked for, but the frame came raw"
+
+
 # The emulated sensor.
 
 SHOWN = np.array([0, 10, 20, 4000, 5000, -3])
