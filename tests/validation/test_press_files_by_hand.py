@@ -12,7 +12,7 @@ from meshes import Pose, Sphere
 from tests.support.indentations import make_indentation
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.press_files import LoadCurve, write_press
+from validation.press_files import LoadCurve, write_press, write_vtu
 from validation.sensor_file import BUILT_IN
 
 SENSOR = BUILT_IN["wts-0614-34"]
@@ -126,3 +126,31 @@ def test_a_row_of_a_curve_holds_one_press_in_si_units(curve, tmp_path, monkeypat
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("depth [mm]", "force [N]")
     assert (axes.get_xlim()[0], axes.get_ylim()[0]) == (0, 0)
     assert axes.get_title().endswith("; the path stopped")
+
+
+@pytest.mark.parametrize(("corners", "kind"), [(4, 9), (8, 12)])
+def test_a_vtk_file_holds_fields_at_nodes_and_layers_of_cells(tmp_path, corners, kind):
+    """A quadrilateral is cell type 9 of VTK, a hexahedron 12."""
+    pyvista = pytest.importorskip("pyvista")
+    x = np.array([[i, j, k] for k in (0.0, 2.0) for i, j in ((0, 0), (3, 0), (3, 1), (0, 1))])[:corners]
+    fields = CoverFields(
+        position=x, displacement=0.1 * x + [0.5, 0.0, -0.25], stress=np.arange(9.0 * corners).reshape(-1, 3, 3),
+        cells=np.arange(corners)[None], layer=np.array([3]), axisymmetric=corners == 4, error=0.02,
+    )  # fmt: skip
+    write_vtu(fields, tmp_path / "fields.vtu")
+    grid = pyvista.read(tmp_path / "fields.vtu")
+    assert grid.celltypes.tolist() == [kind]
+    np.testing.assert_allclose(grid.points, x)
+    np.testing.assert_allclose(grid.point_data["displacement"], fields.displacement)
+    np.testing.assert_allclose(grid.point_data["stress"], np.arange(9.0 * corners).reshape(corners, 9))
+    np.testing.assert_allclose(grid.point_data["von_mises"], fields.von_mises)
+    assert grid.cell_data["layer"].tolist() == [3]
+
+
+def test_a_curve_that_reached_its_target_has_no_reason_and_one_point_no_range(found):
+    one = dataclasses.replace(found, total_force=2.5, warnings=("error: 3% of 7 N", "error: 5% of 7 N"))
+    curve = LoadCurve(indentations=(one,), wanted=1)
+    assert (curve.stopped, curve.note, curve.as_json()["stopped"]) == ("", "", None)
+    assert curve.warnings == ("at 2.5 N (2 of 1 points): error: 3..5% of 7 N",)
+    assert curve.rows()[0]["peak_texel_N"] == pytest.approx(0.78)
+    assert LoadCurve(indentations=(), wanted=1).warnings == ()

@@ -13,7 +13,7 @@ from fastmodel.adapters.gazebo import write_block
 from fastmodel.adapters.rigid_models import RigidBox, compute_angles, compute_inertia, write_sdf, write_urdf
 from meshes import TexelArray
 from validation.errors import InputError
-from validation.simulator_models import FORMATS, check_gazebo, read_options, write_model
+from validation.simulator_models import FORMATS, check_gazebo, make_mjcf, read_options, write_model
 
 
 @pytest.mark.parametrize(
@@ -190,3 +190,12 @@ def test_a_model_is_written_beside_its_parameters(form, method, tmp_path):
         assert model.body("pad").id == 1
         # the plate extends one pitch of 3.4 mm beyond 6 x 14 texels on each side
         np.testing.assert_allclose(2 * model.geom_size[0, :2], [8 * 3.4e-3, 16 * 3.4e-3], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("method", "count"), [("boxes", 84), ("foundation", 1), ("cover", 1)])
+def test_an_mjcf_model_has_the_boxes_of_its_method(method, count):
+    text = make_mjcf(load("wts-0614-34"), name="my-pad", method=method)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert (model.ngeom, model.body("my-pad").id) == (count, 1)
+    assert ET.fromstring(text).get("model") == "my-pad"  # noqa: S314 -- ours
+    assert all(model.geom(k).name.startswith("my-pad") for k in range(count))
