@@ -197,3 +197,19 @@ def test_stiffnesses_of_layers_are_in_series(bonded):
     thin, thick = bonded(0.25, thickness=1e-3, youngs_modulus=2e6), bonded(0.4, thickness=3e-3, youngs_modulus=5e5)
     both = dataclasses.replace(thin, layers=(*thin.layers, *thick.layers))
     assert foundation_stiffness(both) == pytest.approx(1 / (1e-3 / 2.4e6 + 3e-3 / (5e5 * 0.6 / (1.4 * 0.2))))
+
+
+def test_bins_of_angles_divide_the_field_of_view_of_an_oblong_array(oblong):
+    """A site 6 mm behind 3 x 4 texels of 2 x 3 mm: bins of 2 arctan(1 / 2) / 3 along x and of 22.5 degrees along y."""
+    x = np.array([0.93, 0.94, -0.94, 2.99, 3.01, 0.0, 0.0, 0.0, 0.0]) * 1e-3
+    y = np.array([0.1, 0.1, 0.1, 0.1, 0.1, 2.48, 2.49, -5.99, -6.01]) * 1e-3
+    forces = 2.0 ** np.arange(9)
+    flat = np.tile([0.0, 0.0, 1.0], (9, 1))
+    points = np.column_stack([x, y, np.zeros(9)])
+    plate = oblong.plate._replace(points=points, normals=flat, forces=forces, texels=np.zeros(9, int), depths=forces)
+    found = PUBLISHED["touch-grid"].predict(dataclasses.replace(oblong, plate=plate), field_of_view=45.0)
+    image = np.zeros((4, 3))
+    image[2] = 4, 1 + 32, 2 + 8
+    image[3, 1], image[0, 1] = 64, 128
+    np.testing.assert_allclose(found.texels.reshape(4, 3), image)
+    assert found.outside == 16 + 256
