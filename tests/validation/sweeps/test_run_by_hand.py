@@ -253,7 +253,7 @@ def test_the_cost_is_told_after_the_first_design_or_by_those_in_the_store(comman
     validation.sweep(write(tmp_path, ["1 mm", "2 mm", "-1 mm"]), announce=lines.append, progress=heard.append)
     assert (lines[0], len(lines)) == ("3 designs: 0 stored, 1 refused, 2 to compute", 2)
     assert lines[1].startswith("one design takes 90 s of processor time, 1 about ")
-    assert len(heard) == 3
+    assert heard == ["0/2 designs", "1/2 designs", "2/2 designs"]
     lines.clear()
     validation.sweep(write(tmp_path, ["1 mm", "2 mm", "3 mm", "4 mm"]), announce=lines.append)
     assert lines[0] == "4 designs: 2 stored, 0 refused, 2 to compute"
