@@ -306,3 +306,33 @@ def test_missing_measurements_of_a_design_alone_are_computed(commands, tmp_path)
     assert [name for name, *_ in commands] == ["derive", "limits"]
     assert lines[0] == "1 designs: 0 stored, 0 refused, 1 to compute"
     assert found.words == ["limits: did not converge: no solution at all"]
+
+
+def test_workers_take_the_tasks_and_share_the_time(commands, cluster, tmp_path, monkeypatch):
+    asked, lines = [], []
+
+    def run_there(tasks, told, *, workers, address):
+        asked.append((list(tasks), workers, address))
+        run_here(dict(list(tasks.items())[:1]), told)
+        return {1: "its worker was killed"}
+
+    monkeypatch.setattr(cluster.module, "run_there", run_there)
+    path = write(tmp_path, ["1 mm", "2 mm", "3 mm"])
+    found = validation.sweep(path, workers=1, announce=lines.append)
+    assert asked == [([0, 1, 2], 1, None)]
+    assert found.words == ["", "its worker was killed", "its result is not in the store"]
+    assert lines[1].endswith(" on 1 workers")
+    validation.sweep(path, cluster="tcp://a:1")
+    assert asked[1] == ([1, 2], None, "tcp://a:1")
+
+
+def test_a_wish_for_a_quantity_that_is_not_known_before_is_refused_after_the_first_design(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setitem(
+        measurements.COMMANDS, "regress", lambda _, group: ran.append(group) or {"a": Quantity(1.0, 1.0, 1.0, "N")}
+    )
+    path = write(tmp_path, ["1 mm", "2 mm"], '"regress kernel"')
+    with pytest.raises(InputError, match="unknown quantity 'b'"):
+        validation.sweep(path, wish="b < 1 N")
+    assert ran == ["kernel"]
+    assert [each.state for each in validation.sweep(path, wish="a < 2 N").judge()] == ["certain", "certain"]
