@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import validation
+from fastmodel import Electronics
+from meshes import TexelArray
 from tests.support.gaussian_touches import MIDDLE, PITCH, TOUCHES, share
 from validation.errors import InputError
-from validation.resolution.channel import Channel
-from validation.resolution.limits import Limit, Limits, Study, find_limits, find_place_error, list_limits
+from validation.resolution.channel import Channel, make_channel
+from validation.resolution.limits import Limit, Limits, Study, find_cell, find_limits, find_place_error, list_limits
 
 NOISE, LOAD = 4e-3, 1.5
 STUDY = Study(touches=TOUCHES, channel=Channel(noise=NOISE), texel=MIDDLE, load=LOAD)
@@ -263,16 +265,93 @@ def test_sentences_name_the_touches_the_noise_and_what_counts():
     assert told[-1] == "Best thickness for the place, as counted: 2.5 mm."
 
 
-def test_limits_of_a_sensor_are_those_of_the_study_of_its_middle():
-    sensor = validation.load("wts-0614-34")
-    told = []
-    found = find_limits(sensor, load=0.05, noise=3e-3, prior="between", progress=told.append)
-    assert (found.sensor, found.load, found.noise, found.noise_assumed) == ("wts-0614-34", 0.05, 3e-3, False)
-    assert (found.prior, found.radius, found.separation) == ("between", 0.0, None)
-    assert (found.by_texel, found.thicknesses) == ((), ())
-    middle = sensor.array.centres[found.texel, :2]
-    assert np.abs(middle).max() < sensor.array.pitch[0]
-    assert {each.name for each in found.ideal} == {each.name for each in found.counted}
+ACTIVE, TIP = np.arange(15) != 2, "through the cover, tip 1 mm"
+
+
+def thicken(thickness):
+    """Touches above the active texels of a cover, of 2 mm or of another thickness that weakens the forces."""
+    chosen = np.flatnonzero(ACTIVE)
+
+    def respond(points, axes, radius, among):
+        return TOUCHES.respond(points, axes, radius, chosen[among]) * 2e-3 / thickness
+
+    return replace(TOUCHES, origins=TOUCHES.origins[ACTIVE], axes=TOUCHES.axes[ACTIVE], respond=respond)
+
+
+@pytest.fixture
+def sensor(monkeypatch):
+    """A sensor of 3 by 5 texels, one of which is off, on 2 mm: its texel forces are those of Gaussian touches."""
+    monkeypatch.setattr(
+        "validation.resolution.limits.find_touches", lambda cover, _sensor, _progress: thicken(cover.thickness)
+    )
+    array = replace(TexelArray.grid(3, 5, (2e-3, 3e-3)), active=ACTIVE)
+    electronics = Electronics(
+        rate_hz=100.0, sensitivity=400.0, offset=-3.0, output_max=150, calibrated=TIP, tip_share=0.45
+    )
+    return replace(validation.load("wts-0614-34"), name="small", array=array, electronics=electronics)
+
+
+def test_limits_of_a_sensor_are_those_of_the_study_of_its_middle(sensor):
+    channel = make_channel(sensor.electronics, 3e-3, ACTIVE)[0]
+    found = find_limits(sensor, load=0.4, noise=3e-3)
+    assert (found.sensor, found.load, found.noise, found.noise_assumed) == ("small", 0.4, 3e-3, False)
+    assert (found.prior, found.radius, found.separation, found.tip_share) == ("around", 0.0, None, 0.45)
+    assert (found.texel, found.by_texel, found.thicknesses) == (7, (), ())
+    study = Study(touches=thicken(2e-3), channel=channel, texel=6, load=0.4)
+    assert found.counted == list_limits(study, None)
+    assert found.ideal == list_limits(replace(study, channel=Channel(noise=3e-3)), None)
     assert found.ideal[0].value < found.counted[0].value
+
+
+def test_limits_between_texels_of_round_touches_and_of_two(sensor):
+    channel = make_channel(sensor.electronics, 3e-3, ACTIVE)[0]
+    found = find_limits(sensor, load=0.4, noise=3e-3, radius=0.5e-3, separation=2.5e-3, prior="between")
+    study = Study(
+        touches=thicken(2e-3), channel=channel, texel=6, load=0.4, radius=0.5e-3, shift=np.array([0.5, 0.5])
+    )  # fmt: skip
+    assert found.counted == list_limits(study, 2.5e-3)
+    assert (found.prior, found.radius, found.separation) == ("between", 0.5e-3, 2.5e-3)
+    assert [each.name for each in found.ideal][5:7] == ["radius", "separation"]
+
+
+def test_the_map_and_the_curve_are_errors_of_place_around_each_texel_and_on_each_thickness(sensor):
+    channel, load = make_channel(sensor.electronics, 3e-3, ACTIVE)[0], 0.15
+    thick = (1e-3, 2.5e-3)
+    found = find_limits(sensor, load=load, noise=3e-3, over_array=True, thicknesses=thick)
+    assert len(found.by_texel) == 15
+    assert found.by_texel[2] is None
+    for texel, number in ((0, 0), (3, 2), (14, 13)):
+        study = Study(touches=thicken(2e-3), channel=channel, texel=number, load=load)
+        assert found.by_texel[texel] == pytest.approx(find_place_error(study, 4))
+    for thickness, row in zip(thick, found.thicknesses, strict=True):
+        other = Study(touches=thicken(thickness), channel=channel, texel=6, load=load)
+        assert row == pytest.approx({
+            "thickness_m": thickness, "ideal_m": find_place_error(replace(other, channel=Channel(noise=3e-3))),
+            "counted_m": find_place_error(other),
+            "least_force_N": channel.find_least_force(other.respond(np.zeros((1, 2)))[0]),
+        })  # fmt: skip
     with pytest.raises(InputError, match="computed for flat covers"):
         find_limits(validation.load("phalanx"), load=1.0, thicknesses=(1e-3,))
+
+
+@pytest.mark.parametrize(
+    ("beside", "cell"),
+    [
+        ([(1.0, 0.0)], (0.5, 0.0)), ([(-1.0, 0.0)], (-0.5, 0.0)), ([(0.0, 1.0)], (0.0, 0.5)),
+        ([(0.0, -1.0), (-1.0, 0.0)], (-0.5, -0.5)), ([(0.0, -1.0), (0.0, 1.0)], (0.0, 0.5)),
+        # from half a pitch to one and a half along one axis, and less than half a pitch along the other
+        ([(0.51, 0.49)], (0.5, 0.0)), ([(1.49, -0.49)], (0.5, 0.0)), ([(-0.51, 0.49)], (-0.5, 0.0)),
+        ([(0.49, 0.0)], None), ([(1.51, 0.0)], None), ([(0.7, 0.7)], None), ([(0.4, 0.4)], None), ([], None),
+    ],
+)  # fmt: skip
+def test_a_texel_is_next_to_another_about_a_pitch_away_along_one_axis(beside, cell):
+    places = np.array([(0.0, 0.0), *beside]) * PITCH + [7e-3, -2e-3]
+    count = len(places)
+    touches = replace(
+        TOUCHES, origins=np.column_stack([places, np.full(count, 1e-3)]), axes=np.tile(np.eye(3)[:2], (count, 1, 1))
+    )  # fmt: skip
+    if cell is None:
+        with pytest.raises(InputError, match=r"^--prior: no texel that measures is next to texel 0"):
+            find_cell(touches, 0)
+    else:
+        assert find_cell(touches, 0).tolist() == list(cell)
