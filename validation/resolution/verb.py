@@ -120,7 +120,7 @@ def locate(
         ConvergenceError: If finite elements are needed and did not converge.
     """
     description, faults = describe(sensor), Faults()
-    far = _FARTHEST * min(description.array.pitch)
+    far = _find_farthest(description)
     if not 1 <= touches <= _MOST_TOUCHES:
         faults.append(f"--touches: accepted: 1..{_MOST_TOUCHES}, not {touches}")
     level = noise and faults.read(read_positive, noise, "force", _HEAVIEST, place="--noise")
@@ -153,6 +153,11 @@ def locate(
     return found
 
 
+def _find_farthest(sensor: SensorDescription) -> float:
+    """Return the largest radius and distance of touches [m], without the rounding error of the product."""
+    return round(_FARTHEST * min(sensor.array.pitch), 12)
+
+
 def _check_picture(target: Path | None) -> None:
     if target is not None and target.suffix not in {".png", ".svg"}:
         raise InputError(f"--picture: {target} is neither .png nor .svg; write for example --picture {target.stem}.png")
@@ -172,7 +177,7 @@ def read_limits(
     Raises:
         InputError: With one line per fault.
     """
-    faults, far = Faults(), _FARTHEST * min(sensor.array.pitch)
+    faults, far = Faults(), _find_farthest(sensor)
     found = {
         "load": faults.read(read_positive, load, "force", _HEAVIEST, place="--load"),
         "radius": faults.read(read_positive, radius, "length", far, place="--radius", zero=True),
@@ -332,7 +337,7 @@ def _read_design(
     if tolerance is not None and not (hardness and 0 <= tolerance < math.inf):
         raise InputError(f"--tolerance: is that of --hardness, and not negative; {tolerance:g} is given")
     tolerance = _TOLERANCE if tolerance is None else tolerance
-    faults, far = Faults(), _FARTHEST * min(sensor.array.pitch)
+    faults, far = Faults(), _find_farthest(sensor)
     soft = faults.read(_read_softness, hardness, tolerance) if hardness else None
     thick = faults.read(_read_lengths, thickness, place="--thickness", example="1mm:5mm", single=True)
     wide = faults.read(_read_lengths, pitch, place="--pitch", example="2mm:5mm", single=True) if pitch else None

@@ -89,8 +89,8 @@ def test_limits_beyond_the_borders_are_refused(options, words):
 
 
 def test_limits_at_the_borders_are_read_and_all_faults_are_named():
-    far = read_limits(WTS, load="10 kN", radius="67.9 mm", two="67.9 mm", noise="10 kN")
-    assert (far["load"], far["radius"], far["separation"], far["noise"]) == pytest.approx((1e4, 67.9e-3, 67.9e-3, 1e4))
+    far = read_limits(WTS, load="10 kN", radius="68 mm", two="68 mm", noise="10 kN")
+    assert (far["load"], far["radius"], far["separation"], far["noise"]) == pytest.approx((1e4, 68e-3, 68e-3, 1e4))
     with pytest.raises(InputError) as error:
         read_limits(WTS, load="x", noise="x", two="x")
     assert [each.split(":")[0] for each in error.value.faults] == ["--load", "--noise", "--two"]
@@ -128,8 +128,9 @@ def test_frames_and_options_of_locate(asked, tmp_path):
     ((_, _, options),) = asked
     assert options == {"count": 1, "noise": None, "radii": (0.0, 0.0), "progress": None}
     asked.clear()
+    locate(NAME, [0] * 84, radius="68 mm")
     locate(NAME, [0] * 84)
-    assert asked[0][2]["radii"] is None
+    assert [options["radii"] for _, _, options in asked] == [(0.068, 0.068), None]
 
 
 @pytest.mark.parametrize(
@@ -206,5 +207,5 @@ def test_five_thousand_designs_and_tolerances_up_to_the_ends_of_the_scale_are_ac
     design(NAME, hardness="40A", tolerance=0.0)
     assert len(asked[0][2]["thicknesses"]) * len(asked[0][2]["pitches"]) == 5000
     assert asked[1][2]["tolerance"] == 0.0
-    design(NAME, hardness="25A:75A:2")
-    assert asked[2][2]["hardnesses"] == (25.0, 75.0)
+    design(NAME, hardness="25A:75A:2", radius="68 mm")
+    assert (asked[2][2]["hardnesses"], asked[2][2]["radius"]) == ((25.0, 75.0), 0.068)
