@@ -153,6 +153,8 @@ def test_within_a_budget_spare_cases_that_were_computed_join_the_others(parts):
     plans, (run,) = [each[3] for each in told if each[0] == "plan"], [each for each in told if each[0] == "run"]
     assert plans[0] == tuple(NAMES)
     assert plans[1] == tuple(run[2])
+    of_sensor = (SENSOR.cover, SENSOR.array, SENSOR.friction)
+    assert [(each[1], each[2], each[4]) for each in told if each[0] == "plan"] == [of_sensor, of_sensor]
     assert run[4:6] == (budget, 2)
     assert len(kept) == 3
     assert [each.name for each in found.plan.spare] == ["case 3"]
