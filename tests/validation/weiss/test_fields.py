@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import serial
 
-from validation.weiss import protocol
+from validation.weiss import protocol, virtual
 from validation.weiss.inquiry import UNCONFIRMED, inquire
 from validation.weiss.protocol import Command, MatrixInfo, Message, Parser, Reading, Status, decode_frame, encode_frame
-from validation.weiss.sensor import Link, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.sensor import BUFFER_BYTES, Chunk, Link, NoAnswerError, PortError, Sensor, SensorError
 from validation.weiss.virtual import FAULTS, Misbehaviour, VirtualSensor
 
 
@@ -533,3 +533,48 @@ def test_faults_change_a_message_by_all_lengths_within_their_bounds(name, shorte
         assert all(each.startswith(message[:50]) and each.endswith(message[66:]) for each in damaged)
     if name == "cut":
         assert (damaged[0], FAULTS["cut"](message, 0, random)) == (message[:50], message[:1])
+
+
+class End:
+    """The device's end of a line whose client takes some bytes at a time, and asks for frames first."""
+
+    def __init__(self, takes):
+        self.takes, self.asked, self.sent, self.waits = takes, send(0x21, b"\0\0\0"), b"", []
+
+    def send(self, data):
+        taken = data[: self.takes]
+        self.sent += taken
+        return len(taken)
+
+    def receive(self, wait):
+        self.waits.append(wait)
+        asked, self.asked = self.asked, b""
+        return asked
+
+
+@pytest.mark.parametrize(("room", "kept"), [(11, 1), (10 + 29, 1), (10 + 29 + 1, 2)])
+def test_frames_beyond_the_room_for_a_client_are_left_out_as_a_whole(room, kept):
+    """The answer has 10 bytes and a frame of 8 texels 29; nothing is taken."""
+    matrix = MatrixInfo(columns=4, rows=2, cell_width=4e-3, cell_height=3e-3, full_scale=4090)
+    sensor, end = VirtualSensor(lambda _: np.arange(8), matrix=matrix, rate=400.0), End(0)
+    left_out = virtual.serve(sensor, end, seconds=0.06, backlog_bytes=room)
+    assert sensor.frames_sent > 5
+    assert left_out == sensor.frames_sent - kept
+    assert all(0 <= wait <= 0.05 for wait in end.waits)
+
+
+def test_a_client_that_reads_gets_every_byte_until_the_run_is_stopped():
+    stop, sensor = threading.Event(), VirtualSensor(lambda _: np.arange(84), rate=1000.0)
+    end = End(7)
+    timer = threading.Timer(0.05, stop.set)
+    timer.start()
+    assert virtual.serve(sensor, end, stop=stop, backlog_bytes=10**6) == 0
+    assert end.sent.startswith(send(0x21, b"\0\0"))
+    whole = End(10**6)
+    assert virtual.serve(VirtualSensor(lambda _: np.arange(84), rate=100.0), whole, seconds=0.05) == 0
+    frames = Parser(texels=84).feed(whole.sent)
+    assert [each.identifier for each in frames[:2]] == [0x21, 0x00]
+    assert max(whole.waits) > 0.005  # it waits for the next frame
+    stop.set()
+    assert virtual.serve(sensor, whole, stop=stop) == 0
+    assert (virtual.BACKLOG_BYTES, BUFFER_BYTES, Chunk(1, b"").lost) == (4096, 2**18, 0)
