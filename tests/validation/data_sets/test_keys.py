@@ -1,12 +1,13 @@
 """Keys of a data-set file by their precedence, faults by their words, and scores of counts computed by hand."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fastmodel
 from meshes import Box, Sphere, TexelArray
 from validation.data_sets import data_set as data_sets
 from validation.data_sets.data_set import (
@@ -26,12 +27,13 @@ from validation.data_sets.results import (
     group_by_metric,
     score_counts,
 )
-from validation.data_sets.score import propose_splits
+from validation.data_sets.score import list_methods, propose_splits
 from validation.errors import InputError
 from validation.pooling import pool
 from validation.recordings import RecordingError
 from validation.schema import read
 from validation.schema.data_set import CommonKeys, DataSetTables
+from validation.sensor_file import load
 
 BOX = "indenter = 'box:size=16mmx12mmx5mm'\n"
 
@@ -368,3 +370,12 @@ def test_series_to_score_are_predicted_from_those_to_fit():
     assert (split.name, split.about) == ("other series", "s, u to t, v")
     assert list_sides(split) == [[("s", ()), ("u", ())], [("t", ()), ("v", ())]]
     assert propose_splits([images[1]]) == propose_splits([]) == ()
+
+
+def test_the_methods_are_the_fast_model_its_boxes_and_finite_elements():
+    sensor, parameters = load("wts-0614-34"), fastmodel.load("wts-0614-34")
+    methods = list_methods(sensor, parameters)
+    assert list(methods) == ["fast model", "fast model, boxes", "reference"]
+    words = ("solved cell by cell", "boxes share the load", "finite elements")
+    assert all(word in method.about for word, method in zip(words, methods.values(), strict=True))
+    assert list(list_methods(sensor, replace(parameters, surface=None))) == ["fast model", "reference"]

@@ -121,3 +121,8 @@ def test_of_more_than_a_thousand_faults_none_is_named(count, words):
     other = {f"k{number}": 1 for number in range(count)}
     with pytest.raises(RecordingError, match=f"its labels cannot be read: {words}"):
         decode_labels(json.dumps({**LABELS, "setup": {"other": other}}), PATH)
+
+
+def test_clocks_and_a_serial_number_that_are_not_known_are_zero_and_empty():
+    labels, arrays = decode_labels(encode_labels(Setup(), ()), PATH)
+    assert (labels.serial, labels.clock.start_ns, labels.clock.monotonic_ns, arrays) == ("", 0, 0, ())
