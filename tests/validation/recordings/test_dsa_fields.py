@@ -210,7 +210,7 @@ def test_files_at_and_beyond_the_limits_of_their_size(tmp_path, monkeypatch, lim
 def test_the_limits_hold_an_hour_of_a_hand():
     """486 texels at 34 frames/s; the text of a frame without zeros is 8 characters for each texel."""
     limits = dsa.Limits()
-    assert 1 <= limits.values / (3600 * 34 * 486) < 1.01
-    assert limits.readings >= 3600
-    assert 16 * 486 < limits.text < 2**17
+    assert 3600 * 34 * 486 < limits.values == 60_000_000
+    assert 8 * 486 < limits.text == 2**16
     assert (limits.xml_bytes, limits.markup_bytes, limits.piece_bytes) == (2**29, 2**20, 2**16)
+    assert (limits.cells, limits.arrays, limits.channels, limits.readings) == (64, 16, 64, 100_000)

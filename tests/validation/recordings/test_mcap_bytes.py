@@ -207,3 +207,32 @@ def test_nothing_is_written_after_a_failure_or_the_end(tmp_path, monkeypatch):
         with pytest.raises(StorageError, match="full"):
             writer.add_force(SECOND, 2.0)
     writer.close()
+
+
+def test_a_file_describes_its_topics_before_they_are_used(tmp_path):
+    with RecordingWriter(tmp_path / "a.mcap", arrays=[SMALL], setup=Setup()):
+        pass
+    found = take_apart((tmp_path / "a.mcap").read_bytes())
+    assert [topic for topic, _, _ in found.channels.values()] == [
+        "/setup", "/raw", "/diagnostics", "/temperatures", "/force", "/tactile/image", "/tactile/frame",
+    ]  # fmt: skip
+    assert [each[0] for each in found.messages] == ["/setup"]
+
+
+@pytest.mark.parametrize(
+    ("forces", "ends"),
+    [
+        ({}, []),
+        ({"net_force": np.ones(3)}, []),
+        ({"net_torque": np.ones(3)}, []),
+        ({"net_force": np.ones(3), "net_torque": np.ones(3)}, ["wrench"]),
+        ({"texel_forces": np.ones(2)}, ["pressures"]),
+        ({"tangential": np.ones((2, 2))}, ["tangential"]),
+    ],
+)
+def test_a_simulated_frame_is_written_with_what_it_has(tmp_path, forces, ends):
+    frame = Frame(time=0.0, counts=np.array([8, 9]), image=np.zeros((1, 2), dtype=np.uint8), texel_area=2e-6, **forces)
+    with RecordingWriter(tmp_path / "a.mcap", arrays=[SMALL], setup=Setup()) as writer:
+        writer.add_simulated_frame(0, Clocks(SECOND), frame)
+    found = [each[0] for each in take_apart((tmp_path / "a.mcap").read_bytes()).messages]
+    assert found == ["/setup", "/tactile/image", "/tactile/frame", *(f"/tactile/{end}" for end in ends)]
