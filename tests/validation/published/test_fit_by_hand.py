@@ -242,3 +242,15 @@ def test_presses_that_cannot_be_computed_are_left_out(prepare):
     run([1.0] * 3, fails=[ValueError("too deep"), ConvergenceError("no solution"), None])
     assert [each[2:] for each in calls.presses] == [(0.0, None)] * 3
     assert {tuple(scenes) for _, scenes in calls.rows} == {(("sphere:radius=10mm", 1.0),)}
+
+
+def test_every_row_predicts_the_same_scene(monkeypatch):
+    scene, asked = make_press(4.0, [2.0, 4.0, 6.0], 0.5).scene, []
+    monkeypatch.setattr(models, "make_scene", lambda *given: asked.append(given) or scene)
+    rows = [Row(model=ONE, parameters={"a": 2.0}), Row(model=ONE, parameters={"a": 3.0}, fitted=("a",))]
+    found = models.ComparisonModels(rows=rows, response="response").predict("cover", "parameters", "case")
+    assert asked == [("cover", "parameters", "case", "response")]
+    assert found[0] is scene
+    assert {name: forces.texels.tolist() for name, forces in found[1].items()} == {
+        "made-up, as shipped": [2.0, 4.0, 6.0], "made-up, as fitted": [3.0, 6.0, 9.0],
+    }  # fmt: skip
