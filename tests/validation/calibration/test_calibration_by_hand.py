@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -508,3 +509,27 @@ def test_recordings_are_passed_on_with_their_noise_and_full_scale(monkeypatch):
         calibrate_recordings([], WTS, keys)
     assert str(caught.value).splitlines()[-1].endswith("no recording can be used")
     assert "x: left out" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "options", "asked"),
+    [
+        (WTS, {}, (("reader",), ("skfem",))),
+        (WTS, {"method": "boxes"}, (("reader",), ())),
+        (WTS, {"method": "reference"}, (("reader",), ("skfem",))),
+        (WTS, {"draws": True}, (("reader", "matplotlib"), ("skfem",))),
+        (WTS, {"tip": 1e-3, "texel": 3}, (("reader", "skfem"), ())),
+        (SPREAD, {"method": "boxes", "draws": True}, (("reader", "matplotlib", "skfem"), ())),
+    ],
+)
+@pytest.mark.parametrize("path", ["a.csv", "set.toml"])
+def test_packages_are_required_before_recordings_are_read(monkeypatch, sensor, options, asked, path):
+    """Recordings before they are opened, and those of a data-set file as soon as it names them."""
+    found = []
+    monkeypatch.setattr(calibration, "require", lambda *given, useful=(): found.append((given, tuple(useful))))
+    monkeypatch.setattr(calibration, "list_modules", lambda _files: ["reader"])
+    monkeypatch.setattr(calibration, "describe_files", lambda *_, **__: SimpleNamespace(files=(), problems=("none",)))
+    monkeypatch.setattr(calibration, "read_images", lambda *_: ([], ()))
+    with pytest.raises(InputError, match="no recording can be used"):
+        calibrate_recordings([Path(path)], sensor, CommonKeys.model_construct(), **options)
+    assert found == [asked] * (1 if path == "set.toml" else 2)
