@@ -379,3 +379,8 @@ def test_the_methods_are_the_fast_model_its_boxes_and_finite_elements():
     words = ("solved cell by cell", "boxes share the load", "finite elements")
     assert all(word in method.about for word, method in zip(words, methods.values(), strict=True))
     assert list(list_methods(sensor, replace(parameters, surface=None))) == ["fast model", "reference"]
+
+
+def test_requirements_of_a_file_are_kept_by_the_name_of_their_metric(tmp_path):
+    found = build(tmp_path, f"{BOX}[required]\nrelative_l2 = '25 %'\n[[series]]\nname = 's'\nfiles = '*.csv'\n")
+    assert {key: value for key, value in found.required.items() if value is not None} == {"relative_l2": 0.25}
