@@ -93,6 +93,7 @@ def test_uncertain_inputs_of_a_round_cover_are_propagated_by_their_two_changes(s
     for name, each in expected.items():
         assert found.effects[name] == pytest.approx(each / 2, abs=1e-12), name
     assert (found.load, found.image) == (0.4, pytest.approx(press()))
+    assert found.note == "thickness, Poisson ratio and friction are not propagated on solid covers"
     assert list(solid.propagate(box, dataclasses.replace(inputs, modulus=0.0, yaw=0.0)).effects) == [
         "position x [m]", "position y [m]",
     ]  # fmt: skip
