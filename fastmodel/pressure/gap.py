@@ -14,6 +14,7 @@ depends only on height differences.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -32,7 +33,6 @@ from fastmodel.pressure.gap_kernels import (
     POLYTOPE,
     Shape,
     cross_lines,
-    measure_motion,
     sample_body,
 )
 from meshes.array_types import FloatArray, IntArray
@@ -210,7 +210,7 @@ class PosedBody:
         if self.shape is not other.shape and not all(map(np.array_equal, self.shape.arrays, other.shape.arrays)):
             return np.inf, np.inf, np.inf
         poses = self.rotation[0], self.position[0], other.rotation[0], other.position[0]
-        found: tuple[float, float, float] = compile_kernel(measure_motion)(*poses, point, normal)
+        found: tuple[float, float, float] = compile_kernel(_measure_motion)(poses, point, normal)
         return found
 
     def measure_gaps(self, points: FloatArray, normals: FloatArray, *, behind: float = 0.0) -> FloatArray:
@@ -306,3 +306,34 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
     place[:, 0], place[:, 1], normal[:, 2] = x, y, 1.0
     body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
     return GapSamples(body, row, column, coverage, x, y, gap, place, normal)
+
+
+def _measure_motion(
+    poses: tuple[FloatArray, FloatArray, FloatArray, FloatArray], point: FloatArray, normal: FloatArray
+) -> tuple[float, float, float]:
+    """Kernel: measure the motion of a rigid body near a point.
+
+    Args:
+        poses: Axes of the body, as columns, shape (3, 3) [-], and its origin, shape (3,) [m]; both before the motion.
+        point: The point, shape (3,) [m].
+        normal: Unit normal of the surface at the point, shape (3,) [-].
+
+    Returns:
+        Distance of the motion along the surface [m], and, for small rotations, angles about the normal and about axes
+        in the surface [rad].
+    """
+    rotation, position, before, origin = poses
+    turn = np.dot(rotation, np.ascontiguousarray(before.T))
+    moved = position - point
+    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    for i in range(3):
+        for j in range(3):
+            moved[i] += turn[i, j] * (point[j] - origin[j])
+    along, about, slide, tilt = 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        along += moved[i] * normal[i]
+        about += axis[i] * normal[i]
+    for i in range(3):
+        slide += (moved[i] - along * normal[i]) ** 2
+        tilt += (axis[i] - about * normal[i]) ** 2
+    return math.sqrt(slide), abs(about), math.sqrt(tilt)

@@ -107,14 +107,17 @@ def _sample_centres(
     """
     (shape, _, rotation, position), (windows, around, low, cell) = body, view
     rows, columns = max(around[3] - around[1], 0) + 2, max(around[2] - around[0], 0) + 2
-    heights, x = np.empty((len(windows), rows, columns)), low[0] + cell[0] * (around[0] - 0.5 + np.arange(columns))
-    bottom, upper, lowest = np.empty(columns), np.empty(columns), np.inf
-    near, floors = np.zeros(len(windows), dtype=np.bool_), position[:, 2].copy()
+    heights, x, lowest = np.empty((len(windows), rows, columns)), np.empty(columns), np.inf
+    for j in range(columns):
+        x[j] = low[0] + cell[0] * (around[0] - 0.5 + j)
+    bottom, upper = np.empty(columns), np.empty(columns)
+    near, floors = np.zeros(len(windows), dtype=np.bool_), np.empty(len(windows))
     for p in range(len(windows)):
+        floors[p] = position[p, 2]
         for i in range(3):
             if rotation[p, 2, i] != 0.0:  # the half edges of a plane are infinite, and 0 times infinity is nan
                 floors[p] += rotation[p, 2, i] * shape[4][p, i] - abs(rotation[p, 2, i]) * shape[5][p, i]
-    for p in np.argsort(floors):
+    for p in _sort(floors):
         first, last = windows[p, 0] - around[0], windows[p, 2] - around[0] + 2
         near[p] = last > first + 2 and floors[p] <= (top if top < np.inf else lowest + 1.2 * reach)
         if not near[p]:
@@ -129,6 +132,19 @@ def _sample_centres(
     # The smallest gap at a centre is an estimate of the smallest mean gap of a cell.  The caller samples up to a larger
     # height if the estimate was too low.
     return heights, near, lowest + 1.2 * reach if top == np.inf else top
+
+
+@called_by_kernels
+def _sort(values: FloatArray) -> IntArray:
+    """Return the indices that sort a few values, shape (p,); numba compiles `numpy.argsort` for seconds."""
+    order = np.zeros(len(values), dtype=np.int64)
+    for p in range(len(values)):
+        q = p
+        while q > 0 and values[order[q - 1]] > values[p]:
+            order[q] = order[q - 1]
+            q -= 1
+        order[q] = p
+    return order
 
 
 @called_by_kernels
@@ -149,9 +165,10 @@ def _find_spans(centres: FloatArray, near: BoolArray, view: View, top: float) ->
         First and one past the last column of the window `around`, for each of its rows, shape (rows, 2).
     """
     (windows, around, _, _), spans = view, np.zeros((centres.shape[1] - 2, 2), dtype=np.int64)
-    spans[:, 0] = centres.shape[2]
-    for p in near.nonzero()[0]:
-        for i in range(windows[p, 1] - around[1], windows[p, 3] - around[1]):
+    for i in range(len(spans)):
+        spans[i, 0] = centres.shape[2]
+    for p in range(len(near)):
+        for i in range(windows[p, 1] - around[1], windows[p, 3] - around[1] if near[p] else 0):
             for j in range(windows[p, 0] - around[0], windows[p, 2] - around[0]):
                 most = -np.inf
                 for k in range(9):
@@ -164,8 +181,9 @@ def _find_spans(centres: FloatArray, near: BoolArray, view: View, top: float) ->
 @called_by_kernels
 def _widen(spans: IntArray, columns: int) -> IntArray:
     """Extend the columns between two spans of each row, shape (rows, 2), by one cell on all sides."""
-    wide = spans.copy()
+    wide = np.empty(spans.shape, dtype=np.int64)
     for i in range(len(spans)):
+        wide[i, 0], wide[i, 1] = spans[i, 0], spans[i, 1]
         for k in range(max(i - 1, 0), min(i + 2, len(spans))):
             if spans[k, 0] < spans[k, 1]:
                 wide[i, 0] = min(wide[i, 0], max(spans[k, 0] - 1, 0))
@@ -190,7 +208,9 @@ def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, floo
     (shape, _, rotation, position), (windows, around, low, cell) = body, view
     columns = max(around[2] - around[0], 0) * POINTS
     heights, bottom, top = np.full((len(spans) * POINTS, columns), np.inf), np.empty(columns), np.empty(columns)
-    x = low[0] + cell[0] * (around[0] + (np.arange(columns) + 0.5) / POINTS)
+    x = np.empty(columns)
+    for j in range(columns):
+        x[j] = low[0] + cell[0] * (around[0] + (j + 0.5) / POINTS)
     for p in range(len(near)):
         faces = _transform_faces(shape[2][shape[3][p] : shape[3][p + 1]], rotation[p], position[p])
         for i in range((windows[p, 1] - around[1]) * POINTS, (windows[p, 3] - around[1]) * POINTS):
@@ -660,41 +680,3 @@ def _average_over_cells(
                     kept += 1
     cells = (row[:kept], column[:kept], values[0, :kept], values[1, :kept], values[2, :kept], values[3, :kept])
     return cells, lowest
-
-
-def measure_motion(
-    rotation: FloatArray,
-    position: FloatArray,
-    before: FloatArray,
-    origin: FloatArray,
-    point: FloatArray,
-    normal: FloatArray,
-) -> tuple[float, float, float]:
-    """Kernel: measure the motion of a rigid body near a point.
-
-    Args:
-        rotation: Axes of the body, as columns, shape (3, 3) [-].
-        position: Origin of the body, shape (3,) [m].
-        before: Axes of the body before the motion, shape (3, 3) [-].
-        origin: Origin of the body before the motion, shape (3,) [m].
-        point: The point, shape (3,) [m].
-        normal: Unit normal of the surface at the point, shape (3,) [-].
-
-    Returns:
-        Distance of the motion along the surface [m], and, for small rotations, angles about the normal and about axes
-        in the surface [rad].
-    """
-    turn = np.dot(rotation, np.ascontiguousarray(before.T))
-    moved = position - point
-    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    for i in range(3):
-        for j in range(3):
-            moved[i] += turn[i, j] * (point[j] - origin[j])
-    along, about, slide, tilt = 0.0, 0.0, 0.0, 0.0
-    for i in range(3):
-        along += moved[i] * normal[i]
-        about += axis[i] * normal[i]
-    for i in range(3):
-        slide += (moved[i] - along * normal[i]) ** 2
-        tilt += (axis[i] - about * normal[i]) ** 2
-    return math.sqrt(slide), abs(about), math.sqrt(tilt)

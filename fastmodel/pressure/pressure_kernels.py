@@ -66,20 +66,36 @@ def _displace(
                 beside[t % rows, t // rows * cols + j] = half[t, j]
         np.dot(beside, second, window)
     elif high > low:
-        wide, terms = right - left, len(second) // cols
-        part = np.dot(first[:, low:high].copy(), window[low:high, left:right].copy())
+        tall, wide, terms = high - low, right - left, len(second) // cols
+        before, beneath = np.empty((len(first), tall)), np.empty((tall, wide))
+        for i in range(tall):
+            for r in range(len(first)):
+                before[r, i] = first[r, low + i]
+            for j in range(wide):
+                beneath[i, j] = window[low + i, left + j]
+        part = np.dot(before, beneath)
         narrow, across = np.empty((rows, terms * wide)), np.empty((terms * wide, cols))
         for r in range(terms):
-            across[r * wide : (r + 1) * wide] = second[r * cols + left : r * cols + right]
-            narrow[:, r * wide : (r + 1) * wide] = part[r * rows : (r + 1) * rows]
+            for j in range(wide):
+                for n in range(cols):
+                    across[r * wide + j, n] = second[r * cols + left + j, n]
+                for i in range(rows):
+                    narrow[i, r * wide + j] = part[r * rows + i, j]
         np.dot(narrow, across, window)
     for i in range(len(forces)):
         row, col = corner[0, i], corner[1, i]
         moved[i] = own[i] * forces[i] + weight[0, i] * window[row, col] + weight[1, i] * window[row, col + 1]
         moved[i] += weight[2, i] * window[row + 1, col] + weight[3, i] * window[row + 1, col + 1]
-    if len(shares):
-        # `moved` may be longer, with entries for slacks behind the cells
-        moved[: len(forces)] += np.dot(np.dot(remainder, np.dot(shares, forces)), shares)
+    loads = np.zeros(len(shares))
+    for a in range(len(shares)):
+        for i in range(len(forces)):
+            loads[a] += shares[a, i] * forces[i]
+    for a in range(len(shares)):
+        sinks = 0.0
+        for b in range(len(shares)):
+            sinks += remainder[a, b] * loads[b]
+        for i in range(len(forces)):
+            moved[i] += shares[a, i] * sinks
 
 
 @called_by_kernels
@@ -280,6 +296,34 @@ def _advance(
 
 
 @called_by_kernels
+def _multiply(first: FloatArray, second: FloatArray, count: int) -> float:
+    """Return the scalar product of the first `count` entries of two vectors."""
+    total = 0.0
+    for i in range(count):
+        total += first[i] * second[i]
+    return total
+
+
+@called_by_kernels
+def _begin(
+    constraints: tuple[FloatArray, FloatArray, FloatArray],
+    start: FloatArray,
+    forces: FloatArray,
+    columns: FloatArray,
+    active: FloatArray,
+) -> None:
+    """Write the given forces and constraints of m cells in front of those of k slacks, which are always active."""
+    given, _, yielding = constraints
+    for i in range(len(start)):
+        forces[i] = start[i]
+        for a in range(len(yielding)):
+            columns[i, a] = given[i, a]
+    for a in range(len(yielding)):
+        if yielding[a] > 0.0:
+            columns[len(start) + a, a] = active[len(start) + a] = 1.0
+
+
+@called_by_kernels
 def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
     """Return the summed absolute change of the cell forces since the last step [N]; update `before` and `active`.
 
@@ -317,17 +361,13 @@ def minimise_energy(
         Cell forces, shape (m,) [N].  These forces on the whole cells of the window, shape (rows, columns) [N].
         Lagrange multipliers of the constraints, shape (k,) [m].  Number of steps.  Whether the iteration converged.
     """
-    (given, target, yielding), (count, k) = constraints, constraints[0].shape
+    (_, target, yielding), (count, k) = constraints, constraints[0].shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
     room = (np.empty((rows, cols)), np.empty((tall, cols)), np.empty((rows, tall // rows * cols)))
     unknowns, columns = count + k, np.zeros((count + k, k))
-    columns[:count] = given
     forces, active, overlap, before = np.zeros(unknowns), np.zeros(unknowns), np.zeros(unknowns), np.zeros(count)
     residual, direction, image = np.zeros(unknowns), np.zeros(unknowns), np.zeros(unknowns)
-    forces[:count] = start
-    for a in range(k):
-        if yielding[a] > 0.0:
-            columns[count + a, a] = active[count + a] = 1.0
+    _begin(constraints, start, forces, columns, active)
     _satisfy(forces, columns, target, yielding)
     matrix, shifts, motion = np.zeros((k, k)), np.zeros(k), np.zeros(k)
     previous, conjugate, other, step, converged = 1.0, 0.0, True, 0, False
@@ -361,7 +401,7 @@ def minimise_energy(
             for i in range(unknowns):
                 direction[i] = (1.0 - active[i]) * min(residual[i], 0.0)
             _displace(cover, direction[:count], room, image)
-            curvature, slope = np.dot(image[:count], direction[:count]), np.dot(residual[:count], direction[:count])
+            curvature, slope = _multiply(image, direction, count), _multiply(residual, direction, count)
         converged = not curvature > 0
         if not converged:
             other = _advance(slope / curvature, count, active, residual, direction, forces)
@@ -420,40 +460,29 @@ def place_cells(
     return (top, left), shape, corner, weight, own
 
 
-def find_start(
-    last: tuple[IntArray, IntArray, FloatArray],
-    samples: tuple[IntArray, IntArray, FloatArray, IntArray],
-    wanted: FloatArray,
-    scratch: FloatArray,
-) -> FloatArray:
-    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
+@called_by_kernels
+def _press_springs(
+    gap: FloatArray,
+    stiffness: FloatArray,
+    constraints: tuple[FloatArray, FloatArray, FloatArray],
+    motion: FloatArray,
+    found: tuple[FloatArray, FloatArray],
+) -> float:
+    """Move a body by `motion`, shape (k,) [m], and return the energy of springs, slacks and loads [J].
 
-    They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
-    pressures on the cells under a body give less than half its load.
-
-    Args:
-        last: Row, column, and pressure times the area of a whole cell [N], of each cell of the last solution.
-        samples: Row, column, coverage and body of the m cells, see `GapSamples`.
-        wanted: Load of each body, shape (bodies,) [N].
-        scratch: Working memory of zeros, with the shape of the contact grid; zeros again afterwards.
+    The gap below which each cell is in contact [m] and the force on it [N], each of shape (m,), are written to `found`.
     """
-    row, column, coverage, body = samples
-    forces, sums, areas = np.zeros(len(row)), np.zeros(len(wanted)), np.zeros(len(wanted))
-    for k in range(len(last[0])):
-        scratch[last[0][k], last[1][k]] = last[2][k]
-    for k in range(len(row)):
-        forces[k] = scratch[row[k], column[k]] * coverage[k]
-        sums[body[k]] += forces[k]
-        areas[body[k]] += coverage[k]
-    for k in range(len(last[0])):
-        scratch[last[0][k], last[1][k]] = 0.0
-    for k in range(len(row)):
-        b = body[k]
-        if sums[b] > 0.5 * wanted[b]:
-            forces[k] *= wanted[b] / sums[b]
-        else:
-            forces[k] = wanted[b] * coverage[k] / areas[b]
-    return forces
+    (columns, target, yielding), (height, forces), energy = constraints, found, 0.0
+    for a in range(len(motion)):
+        energy -= motion[a] * target[a]
+        energy += 0.5 * motion[a] ** 2 / yielding[a] if yielding[a] > 0 else 0.0
+    for i in range(len(gap)):
+        height[i] = 0.0
+        for a in range(len(motion)):
+            height[i] += columns[i, a] * motion[a]
+        forces[i] = stiffness[i] * max(height[i] - gap[i], 0.0)
+        energy += 0.5 * forces[i] * (height[i] - gap[i])
+    return energy
 
 
 def match_springs(
@@ -469,31 +498,48 @@ def match_springs(
     Returns:
         Force on each cell, shape (m,) [N]; gap below which each cell is in contact, shape (m,) [m].
     """
-    columns, target, yielding = constraints
-    holding = np.where(yielding > 0, 1 / np.where(yielding > 0, yielding, 1.0), 0.0)
-    motion = np.zeros(len(target))
-    motion[0] = gap.min() + target[0] / stiffness.sum()
-    height = np.dot(columns, motion)
-    forces = stiffness * np.maximum(height - gap, 0.0)
-    value = 0.5 * np.dot(forces, height - gap) - np.dot(motion, target) + 0.5 * np.dot(holding, motion**2)
+    (given, target, yielding), (count, k) = constraints, constraints[0].shape
+    # The diagonal of the tangent matrix stands in rows behind those of the cells; a small part of it makes the matrix
+    # invertible even if few cells touch.
+    columns, weight, matrix = np.zeros((count + k, k)), np.zeros(count + k), np.zeros((k, k))
+    motion, trial, step, height, forces = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(count), np.zeros(count)
+    total, lowest, carried = 0.0, gap[0], 0.0
+    for i in range(count):
+        total, lowest = total + stiffness[i], min(lowest, gap[i])
+        for a in range(k):
+            columns[i, a] = given[i, a]
+    for a in range(k):
+        columns[count + a, a] = 1.0
+        weight[count + a] = 1e-9 * total + (1 / yielding[a] if yielding[a] > 0 else 0.0)
+    motion[0] = lowest + target[0] / total
+    value = _press_springs(gap, stiffness, constraints, motion, (height, forces))
     for _ in range(60):
-        miss = target - np.dot(forces, columns) - holding * motion
-        if np.abs(miss).max() <= 1e-9 * target[0]:
+        missing = 0.0
+        for a in range(k):
+            step[a] = target[a] - (motion[a] / yielding[a] if yielding[a] > 0 else 0.0)
+            for i in range(count):
+                step[a] -= forces[i] * columns[i, a]
+            missing = max(missing, abs(step[a]))
+        if missing <= 1e-9 * target[0]:
             break
-        weighted = columns * (stiffness * (forces > 0)).reshape(len(gap), 1)
-        # the small diagonal makes the matrix invertible even if few cells touch
-        tangent = np.dot(np.ascontiguousarray(weighted.T), columns) + np.diag(holding + 1e-9 * stiffness.sum())
-        step, share, before = np.linalg.solve(tangent, miss), 1.0, value
+        for i in range(count):
+            weight[i] = stiffness[i] if forces[i] > 0 else 0.0
+        _solve_weighted(columns, weight, matrix, step)
+        share, before = 1.0, value
         while True:
-            trial = motion + share * step
-            height = np.dot(columns, trial)
-            forces = stiffness * np.maximum(height - gap, 0.0)
-            value = 0.5 * np.dot(forces, height - gap) - np.dot(trial, target) + 0.5 * np.dot(holding, trial**2)
+            for a in range(k):
+                trial[a] = motion[a] + share * step[a]
+            value = _press_springs(gap, stiffness, constraints, trial, (height, forces))
             if value <= before or share <= 1e-6:
                 break
             share /= 2
-        motion = trial
-    return forces * (target[0] / np.dot(forces, columns)[0]), height
+        for a in range(k):
+            motion[a] = trial[a]
+    for i in range(count):
+        carried += forces[i] * columns[i, 0]
+    for i in range(count):
+        forces[i] *= target[0] / carried
+    return forces, height
 
 
 def spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, shape: tuple[int, int]) -> FloatArray:

@@ -34,7 +34,6 @@ from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.gap import GapSamples
 from fastmodel.pressure.pressure_kernels import (
     constrain_forces,
-    find_start,
     match_springs,
     minimise_energy,
     place_cells,
@@ -489,3 +488,39 @@ class FoundationSolver(PressureSolver):
         weight[0] = 1.0
         window = self._spread(corner, weight, forces, (int(corner[0].max()) + 2, int(corner[1].max()) + 2))
         return PressureSolution(forces=forces, surface=surface, window=window, origin=origin, shares=(corner, weight))
+
+
+def find_start(
+    last: tuple[IntArray, IntArray, FloatArray],
+    samples: tuple[IntArray, IntArray, FloatArray, IntArray],
+    wanted: FloatArray,
+    scratch: FloatArray,
+) -> FloatArray:
+    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
+
+    They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
+    pressures on the cells under a body give less than half its load.
+
+    Args:
+        last: Row, column, and pressure times the area of a whole cell [N], of each cell of the last solution.
+        samples: Row, column, coverage and body of the m cells, see `GapSamples`.
+        wanted: Load of each body, shape (bodies,) [N].
+        scratch: Working memory of zeros, with the shape of the contact grid; zeros again afterwards.
+    """
+    row, column, coverage, body = samples
+    forces, sums, areas = np.zeros(len(row)), np.zeros(len(wanted)), np.zeros(len(wanted))
+    for k in range(len(last[0])):
+        scratch[last[0][k], last[1][k]] = last[2][k]
+    for k in range(len(row)):
+        forces[k] = scratch[row[k], column[k]] * coverage[k]
+        sums[body[k]] += forces[k]
+        areas[body[k]] += coverage[k]
+    for k in range(len(last[0])):
+        scratch[last[0][k], last[1][k]] = 0.0
+    for k in range(len(row)):
+        b = body[k]
+        if sums[b] > 0.5 * wanted[b]:
+            forces[k] *= wanted[b] / sums[b]
+        else:
+            forces[k] = wanted[b] * coverage[k] / areas[b]
+    return forces

@@ -7,13 +7,13 @@ from scipy.optimize import minimize
 from fastmodel.pressure.pressure_kernels import (
     constrain_forces,
     find_modes,
-    find_start,
     gather_shares,
     match_springs,
     minimise_energy,
     place_cells,
     spread_on_window,
 )
+from fastmodel.pressure.solvers import find_start
 
 LOW, EDGE = np.array([-4e-3, -7e-3]), np.array([0.8e-3, 1.3e-3])
 NEAR, SQUARE = np.array([[5.0, 1.5], [2.0, 0.7]]), 3.0
