@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.stats import t as student
 
 from meshes import Cover, Layer, Material, RoundedTip
@@ -244,6 +245,13 @@ def test_few_points_are_interpolated_by_a_polynomial_of_the_logarithms(count):
     slopes = np.polyval(np.polyder(polynomial), np.log(depth[[0, -1]]))
     beyond = found(np.array([depth[0] / 2, depth[-1] * 3]))
     assert beyond == pytest.approx([force[0] / 2 ** slopes[0], force[-1] * 3 ** slopes[1]])
+
+
+def test_more_points_are_interpolated_by_a_cubic_spline_of_the_logarithms():
+    force = np.array([1.0, 2.5, 3.1, 7.0, 7.5, 12.0])
+    spline = CubicSpline(np.log(DEPTH), np.log(force))
+    inside = np.linspace(DEPTH[0], DEPTH[-1], 9)
+    assert interpolate_force(DEPTH, force)(inside) == pytest.approx(np.exp(spline(np.log(inside))))
 
 
 def test_each_layer_moves_by_its_own_spread_at_its_shear_modulus():
