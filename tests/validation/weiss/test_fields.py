@@ -165,10 +165,11 @@ class Port:
     def __init__(self, answers, events=b""):
         self.answers, self.events, self.sent, self.waiting = answers, events, [], bytearray()
         self.changed = threading.Condition()
-        self.is_open = True
+        self.is_open, self.resets = True, 0
 
     def reset_input_buffer(self):
         self.waiting.clear()
+        self.resets += 1
 
     def write(self, data):
         (request,) = Parser().feed(bytes(data))
@@ -382,6 +383,28 @@ def test_bytes_beyond_the_buffer_are_counted(monkeypatch):
     assert link.read(0.0) == []
     link.close()
     assert not port.is_open
+
+
+def test_bytes_lost_in_a_full_buffer_are_a_gap_before_the_next_frame(open_port):
+    """Seventy bytes do not fit the sixty that are kept; what came before the port was opened is left out."""
+    first, second = (send(0, encode_frame(ticks, [ticks] * 6)) for ticks in (10, 20))
+    port, sensor = open_port({0x21: answer(0x21) + first}, buffer_bytes=60)
+    assert port.resets == 1
+    with sensor:
+        stream = sensor.stream()
+        assert next(stream).ticks == 10
+        for piece in (bytes(70), second):
+            with port.changed:
+                port.waiting += piece
+                port.changed.notify()
+            while port.waiting:
+                threading.Event().wait(0.001)
+            threading.Event().wait(0.01)
+        gap, reading = next(stream), next(stream)
+        assert (gap.kind, gap.frames, gap.skipped in (69, 70)) == ("overflow", 0, True)  # one byte may be read alone
+        assert 0 < gap.host_time <= reading.host_time
+        assert reading.ticks == 20
+        stream.close()
 
 
 def test_open_questions_are_answered_by_their_values(open_port, monkeypatch):
