@@ -73,6 +73,14 @@ def test_the_interval_is_that_of_generalised_least_squares():
     assert found.fitted_on == "covers of 0.9..5.4 mm; 1.8 mm assumed"
 
 
+def test_a_likely_thickness_next_to_a_fitted_one_needs_no_further_fits():
+    """The true one is 0.7 times the assumed one, and is found within 3 %."""
+    seen = observe(2, 0.7, places=2, loads=(6.0, 13.0, 19.0), scatter=0.0, noise=0.5)
+    found, fits = profile_thickness(fit_forward(spread_by(1.0), seen, Options()), str)
+    assert found.value == pytest.approx(0.7 * ASSUMED, rel=0.02)
+    assert list(fits) == list(FACTORS)
+
+
 @pytest.mark.parametrize(
     ("shift", "other", "determined"),
     [((2.4e-3, 0.0), None, False), ((0.0, 2.6e-3), None, True), ((0.0, 0.0), (10e-3, 22e-3), True)],
