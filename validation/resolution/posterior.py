@@ -157,7 +157,10 @@ class Search:
 
     @property
     def misfit(self) -> float:
-        """Sum of squared deviations of lit texels from the most likely touch, over their variance [-]."""
+        """Sum of squared deviations of the texels from the most likely touch, over their variance [-].
+
+        It includes dark texels whose force by this touch is above the threshold.
+        """
         return float((self._settled[2].residual[0] ** 2).sum())
 
     @property
