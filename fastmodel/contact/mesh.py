@@ -144,7 +144,8 @@ def list_hulls(cover: CoverPoints) -> tuple[FloatArray, ...]:
     points, lower = cover.points, cover.points - cover.thickness * cover.normals
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     whole = points if extent[-1] > 1e-6 * extent[0] else np.concatenate([points, lower])
-    if _measure_dents(points, whole) <= _DENT * cover.thickness:
+    # With the base below, the bottom of a dent lies inside the hull and not on its lower side.
+    if _measure_dents(points, np.concatenate([points, lower])) <= _DENT * cover.thickness:
         return (whole,)
     pending, parts, tree = [np.arange(len(points))], [], cKDTree(points)
     while pending:
