@@ -108,6 +108,8 @@ def fit_gaussian(
     estimates |= estimate_from_image(image, loaded, "uniform")
     if point_response is not None:
         point, _ = _check_response(point_response, loaded, load, active)
+        if point.shape != image.shape:
+            raise FastModelError(f"point_response has shape {point.shape} but the response {image.shape}")
         estimates["least-squares-point"] = _fit_sigmas(point, loaded, mask, None)
         estimates |= estimate_from_image(point, loaded, "point")
     if radius is not None or pressure_per_force is not None:
