@@ -172,6 +172,34 @@ def test_cases_that_failed_leave_it_open_and_those_left_for_time_do_not(plan, sk
         assert words in verdict.reasons
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_fewer_than_five_cases_decide_nothing_and_their_number_is_named(plan, count):
+    verdict = judge(limit(plan, {"misplaced_force": 0.5}), make_campaign(FIVE[:count]))
+    (finding,) = verdict.findings
+    pooled = pool(FIVE[:count])
+    known = not math.isnan(pooled.low)
+    assert (finding.low, finding.high) == ((pooled.low, pooled.high) if known else (pooled.mean, pooled.mean))
+    assert (finding.status, finding.cases, finding.against) == ("open", count, "finite elements")
+    assert verdict.reasons[0] == f"{count} of the cases are scored, and fewer than 5 decide nothing"
+    assert verdict.reasons[1] == finding.text
+    assert ("too few to tell" in finding.text) == (count > 1)
+
+
+def test_all_that_was_not_scored_counts_as_a_case_and_each_doubt_is_named(plan):
+    faulty = dataclasses.replace(limit(plan, {"misplaced_force": 0.5}), left_out=("x", "y"))
+    skipped = (skip("a", "pierced"), skip("b", OUT_OF_BUDGET), skip("c", "interrupted"))
+    verdict = judge(faulty, make_campaign(FIVE, skipped=skipped, interrupted=True))
+    assert (verdict.scored, verdict.cases, verdict.word) == (5, 10, "not decided")
+    assert verdict.compared == {"finite elements": "5 of 10 cases"}
+    assert verdict.reasons == (
+        "the run was interrupted", "not scored: a", "2 faults in the campaign file cost their cases",
+    )  # fmt: skip
+    # a requirement that is missed is told alone
+    missed = judge(dataclasses.replace(faulty, criterion=limit(plan, {"misplaced_force": 1e-3}).criterion),
+                   make_campaign(FIVE, skipped=skipped))  # fmt: skip
+    assert (missed.word, missed.reasons) == ("not accepted", (missed.findings[0].text,))
+
+
 def describe(metric, status, value, limit, *, low=None, high=None, cases=6, undefined=0):
     low, high = (value if each is None else each for each in (low, high))
     return Finding(

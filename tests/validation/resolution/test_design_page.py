@@ -145,8 +145,11 @@ def test_a_number_over_two_axes_has_iso_lines_and_a_dashed_line_of_ten_percent(f
     assert len(other.collections) == 2  # the dashed line belongs to the error alone
 
 
-@pytest.mark.parametrize(("most", "steps"), [(9.0, {1.0, 1.5, 2.0, 3.0, 5.0, 7.0}), (100.0, {1.0, 2.0, 5.0})])
-def test_numbers_over_several_powers_have_iso_lines_at_equal_ratios(found, most, steps):
+FEW, MANY = {1.0, 1.5, 2.0, 3.0, 5.0, 7.0}, {1.0, 2.0, 5.0}
+
+
+def show_range(found, most):
+    """Draw a number that rises from 1 to some value, and return the levels of its iso-lines between these ends."""
     grid = np.geomspace(1, most, 9).reshape(3, 3)
     designs = []
     for each in found.designs:
@@ -154,10 +157,21 @@ def test_numbers_over_several_powers_have_iso_lines_at_equal_ratios(found, most,
         designs.append(dataclasses.replace(each, numbers=each.numbers | {"most_N": value}))
     plot = show(dataclasses.replace(found, designs=tuple(designs)), "most_N", ("thickness", "pitch"))
     _, lines = plot.collections
-    inner = [level for level in lines.levels if 1 < level < most]
+    return [level for level in lines.levels if 1 < level < most]
+
+
+@pytest.mark.parametrize(("most", "steps"), [(8.01, FEW), (9.0, FEW), (64.0, FEW), (64.1, MANY), (100.0, MANY)])
+def test_numbers_over_several_powers_have_iso_lines_at_equal_ratios(found, most, steps):
+    inner = show_range(found, most)
     mantissas = {round(level / 10.0 ** math.floor(math.log10(level) + 1e-9), 6) for level in inner}
-    assert mantissas <= steps
+    assert mantissas | {1.0} == steps
     assert len(inner) >= 4
+
+
+def test_numbers_up_to_eight_times_the_least_have_iso_lines_at_equal_distances(found):
+    apart = np.diff(show_range(found, 8.0))
+    assert apart == pytest.approx(np.full(len(apart), apart[0]))
+    assert len(apart) >= 3
 
 
 def test_a_number_that_is_the_same_or_unknown_everywhere_says_so(found):
