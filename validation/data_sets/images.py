@@ -53,7 +53,8 @@ def find_load(times: FloatArray, total: FloatArray) -> tuple[float, int]:
         Time at which the load was applied, that of the last frame if the counts never rise [s]; and the index of the
         last frame under load, before frames during its removal.
     """
-    last = int(np.flatnonzero(total >= APPLIED_SHARE * np.quantile(total, _LOADED))[-1])
+    loaded = np.flatnonzero(total >= APPLIED_SHARE * max(float(np.quantile(total, _LOADED)), 0.0))
+    last = int(loaded[-1]) if len(loaded) else len(total) - 1
     final = float(np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])]))
     below = np.flatnonzero((total[: last + 1] < APPLIED_SHARE * final) | (final <= 0))
     onset = float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])

@@ -238,6 +238,8 @@ def test_the_end_of_a_load_lies_where_half_of_its_upper_sum_was_last_reached():
     assert find_load(times, np.array([0, 0, 0, 10, 10, 10, 10, 10, 10, 10, 10, 5.0])) == (1.5, 11)
     assert find_load(times, np.array([0, 0, 0, 10, 10, 10, 10, 10, 10, 10, 10, 4.9])) == (1.5, 10)
     assert find_load(times, np.array([0, 0, 0, 10, 10, 10, 10, 10, 10, 10, 9.5, 0])) == (1.5, 10)
+    # an array whose counts stay below zero is never loaded
+    assert find_load(times, np.linspace(-9, -4, 12)) == find_load(times, np.linspace(-4, -9, 12)) == (times[11], 11)
     assert find_load(times, np.array([0, 0, 0, 10, 10, 10, 10, 10, 10, 10, 9.4, 0])) == (1.5, 9)
     assert find_load(times, np.array([0.5] * 12)) == (0.0, 11)
 
