@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.special import log_ndtr
 from scipy.stats import chi2
 
 import validation
@@ -185,9 +186,54 @@ def test_a_radius_is_told_if_it_is_not_given():
     assert find(make_locator(noise=1e-4, radii=(radius, radius)), forces).touches[0].radius is None
 
 
+@pytest.mark.parametrize("size", [4.0, 8.0])
+def test_a_misfit_that_is_not_noise_is_not_taken_for_a_further_touch(size):
+    """The better fit of two touches counts beside the misfit per degree of freedom that is left."""
+    pattern = np.random.default_rng(0).choice([-1.0, 1.0], 15) * size * NOISE
+    slopes = share([PLACE])[0, :, :3]
+    pattern -= slopes @ np.linalg.lstsq(slopes, pattern, rcond=None)[0]
+    found = find(make_locator(), np.maximum(10 * ONE + pattern, -5 * NOISE), 2)
+    assert "2 touches are not told apart" in found.words
+    assert len(found.touches) == 1
+
+
+@pytest.mark.parametrize("level", [0.085, 0.12])
+def test_dark_texels_around_a_lit_one_bound_its_touch(level):
+    """Sums over a grid of places and forces; texels are dark below 21 mN, with a noise of 5 mN."""
+    channel = count(sensitivity=500.0, offset=-10.0, noise=5e-3)
+    forces = np.where(np.arange(15) == MIDDLE, level, 0.0)
+    locator = make_locator(channel=channel)
+    reading = channel.read(forces[None], np.zeros((1, 15)))
+    low, high = reading.low[0], reading.high[0]
+    line = (np.arange(36) + 0.5) / 18 - 1
+    places = np.array(list(itertools.product(PITCH[0] * line, PITCH[1] * line)))
+    force = 1.2 * (np.arange(90) + 0.5) / 90
+    odds = np.zeros((len(places), len(force)))
+    for k in range(15):
+        told = share(places)[:, k, 2][:, None] * force
+        if k == MIDDLE:
+            odds -= (told - (low[k] + high[k]) / 2) ** 2 / (channel.noise**2 + (high[k] - low[k]) ** 2 / 12) / 2
+        else:
+            odds += log_ndtr((high[k] - told) / channel.noise)
+    weights = np.exp(odds - odds.max())
+    weights /= weights.sum()
+    (touch,) = locator.find(reading, 1).touches
+    for found, axis, ends in ((touch.x, 0, places[:, 0]), (touch.y, 1, places[:, 1])):
+        order = np.argsort(ends, kind="stable")
+        reach = np.interp([0.025, 0.975], np.cumsum(weights.sum(axis=1)[order]), ends[order])
+        assert (found.low, found.high) == pytest.approx(tuple(reach), abs=0.1 * PITCH[axis])
+    assert touch.force.value == pytest.approx(weights.sum(axis=0) @ force, rel=0.08)
+
+
+def respond_alone(points, axes, radius, among):
+    """Force on one texel, and none on another one that no touch in the box of the first one reaches."""
+    found = TOUCHES.respond(points, axes, radius, np.array([MIDDLE]))
+    return np.column_stack([found, 0 * found])[:, among]
+
+
 LONE = Touches(
-    origins=np.zeros((1, 3)), axes=np.eye(3)[None, :2], pitch=TOUCHES.pitch,
-    respond=lambda points, axes, radius, among: TOUCHES.respond(points, axes, radius, np.array([MIDDLE]))[:, among],
+    origins=np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0]]), axes=np.tile(np.eye(3)[:2], (2, 1, 1)), pitch=TOUCHES.pitch,
+    respond=respond_alone,
 )  # fmt: skip
 
 
@@ -198,9 +244,10 @@ def test_a_single_texel_leaves_place_and_force_to_their_prior(saturated):
     Sums over a grid of places within three halves of a pitch, and of forces.
     """
     electronics = Electronics(rate_hz=100.0, sensitivity=100.0, output_max=50)
-    channel = make_channel(electronics, 5e-3, np.ones(1, dtype=bool))[0] if saturated else Channel(noise=0.02)
+    channel = make_channel(electronics, 5e-3, np.ones(2, dtype=bool))[0] if saturated else Channel(noise=0.02)
     locator = make_locator(touches=LONE, channel=channel)
-    found = locator.find(channel.read(np.array([[0.9 if saturated else 0.2]]), np.zeros((1, 1))), 1)
+    forces = np.array([[0.9, 0.0] if saturated else [0.2, 0.15]])
+    found = locator.find(channel.read(forces, np.zeros((1, 2))), 1)
     edge = float(channel.edges[-2].max())
     most = 3 * edge / 0.4 if saturated else 10 * 0.2
     line = (np.arange(60) + 0.5) / 30 - 1
@@ -213,7 +260,9 @@ def test_a_single_texel_leaves_place_and_force_to_their_prior(saturated):
     assert touch.force.value == pytest.approx(weights @ force, rel=0.1)
     ends = np.interp([0.025, 0.975], np.cumsum(weights), force)
     assert (touch.force.low, touch.force.high) == (pytest.approx(ends[0], rel=0.08), pytest.approx(ends[1], rel=0.05))
-    assert found.words == (("1 texel saturated", "0 texels lit") if saturated else ("1 texel lit",))
+    assert found.words == (
+        ("1 texel saturated", "0 texels lit") if saturated else ("not explained by 1 touch", "2 texels lit")
+    )
 
 
 def make_frame(values, **options):
