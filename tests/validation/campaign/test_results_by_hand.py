@@ -1,6 +1,7 @@
 """Metrics of texel forces, scores of models, entries of skipped cases, and cases of a file, with numbers by hand."""
 
 import dataclasses
+import json
 import math
 
 import numpy as np
@@ -8,10 +9,19 @@ import pytest
 
 from fastmodel import WTS_0614_34, Electronics, Gaussian, Parameters
 from meshes import TexelArray
+from tests.support.made_up_evaluation import CASES, make_case
 from validation.campaign import texel_metrics
 from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.case import Case
-from validation.campaign.results import Reference, SkippedCase, name_texel_error, predict, score_forces, texel_error
+from validation.campaign.results import (
+    CaseResult,
+    Reference,
+    SkippedCase,
+    name_texel_error,
+    predict,
+    score_forces,
+    texel_error,
+)
 from validation.places import FlatPlaces
 
 ARRAY = TexelArray.grid(1, 3, 2e-3)
@@ -127,6 +137,23 @@ def test_a_skipped_case_names_its_bodies_and_its_whole_load():
     assert (both.load, both.converged) == (4.5, False)
     assert both.indenter.endswith("sphere:radius=2mm, 1.5 N at (4, 5) mm, 0\u00b0, together")
     assert both.indenter.startswith("sphere:radius=5mm, 3 N at (1, -2) mm, 0\u00b0 and ")
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_scored_case_is_read_back_from_its_values(number):
+    """The complete result of the solver is not written."""
+    made = dataclasses.replace(make_case(number, CASES[number]), warnings=("w",))
+    fast = made.predictions["fast"]
+    made = dataclasses.replace(made, published={"cone": fast})
+    shown = json.loads(json.dumps(made.as_json()))
+    assert (shown["name"], shown["load"]) == (made.case.name, made.case.load)
+    assert shown["comparison_models"]["cone"]["scores"] == shown["models"]["fast"]["scores"]
+    again = CaseResult.from_json(shown)
+    assert (again.case, again.warnings, again.reference.found) == (made.case, ("w",), None)
+    assert again.reference.error_estimate == made.reference.error_estimate
+    assert again.reference.texel_forces.tolist() == made.reference.texel_forces.tolist()
+    assert (again.predictions["fast"].score, again.published["cone"].outside) == (fast.score, 0.0)
+    assert again.as_json() == made.as_json()
 
 
 BALL = {"name": "ball", "indenter": "sphere:radius=5mm", "load": "2 N"}

@@ -4,10 +4,12 @@ import dataclasses
 import math
 
 import pytest
+from scipy.optimize import brentq
 
 import validation
 from fastmodel import Electronics
 from fem_reference.closed_form.contact import indent
+from fem_reference.closed_form.layer import point_response
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.hardness import modulus_from_hardness
 from validation.resolution.ball import estimate_errors, press_ball
@@ -209,3 +211,37 @@ def test_the_table_of_balls_holds_for_one_bonded_layer_alone(cover, layers):
     # the upper layer of the two is the softer one
     assert (found.layers, design.modulus) == (layers, 1e6)
     assert "needs sweep" in design.ends
+
+
+def find_width(cover):
+    """Full width at half maximum of the base pressure under a point load."""
+    peak = float(point_response(cover, [0.0])[0])
+    return 2 * brentq(lambda r: float(point_response(cover, [r])[0]) / peak - 0.5, 0.0, 3 * cover.thickness)
+
+
+def test_a_hardness_belongs_to_the_softest_layer_and_layers_keep_their_proportions():
+    """Layers of 4.5 mm and 1.5 mm at 6 mm: the upper one has the moduli of 30 A and 60 A, and its ratio of 0.45."""
+    found = ask(TWO, hardnesses=(30.0, 60.0), scale="a", tolerance=0.0, thicknesses=(6e-3,))
+    for hardness, design in zip((30.0, 60.0), found.designs, strict=True):
+        modulus = modulus_from_hardness(hardness, "a").youngs_modulus
+        layers = (
+            Layer(thickness=4.5e-3, material=make_material(4e6, ratio=0.4)),
+            Layer(thickness=1.5e-3, material=make_material(modulus)),
+        )
+        assert design.modulus == modulus
+        assert design.numbers["spread_m"] == pytest.approx(find_width(Cover(layers=layers)), rel=1e-3)
+    assert found.varies("spread_m") == ["hardness"]
+
+
+def test_an_array_is_scaled_to_its_smaller_pitch_with_its_texels():
+    """A cover that is scaled with the array: lengths of place and width are, the least force is not."""
+    array = TexelArray.grid(3, 5, (3e-3, 4.5e-3), texel_size=(2e-3, 4e-3))
+    sensor = dataclasses.replace(WTS, array=array)
+    options = {"load": 0.7, "noise": 5e-3}
+    one, two = (
+        find_designs(sensor, ONE, thicknesses=(2e-3 * by,), pitches=(3e-3 * by,), **options).designs[0]
+        for by in (1.0, 1.4)
+    )
+    for name, power in (("error_m", 1), ("spread_m", 1), ("least_N", 0)):
+        assert two.numbers[name] == pytest.approx(1.4**power * one.numbers[name], rel=1e-6), name
+    assert one.pitch == 3e-3

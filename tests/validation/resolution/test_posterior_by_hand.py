@@ -8,7 +8,7 @@ from scipy.special import log_ndtr, ndtr
 
 from fastmodel import Electronics
 from tests.support.gaussian_touches import MIDDLE, PITCH, TOUCHES, share
-from validation.resolution.channel import Channel, make_channel
+from validation.resolution.channel import Channel, Reading, make_channel
 from validation.resolution.chart import make_chart
 from validation.resolution.posterior import Posterior, Search, pool
 
@@ -192,6 +192,20 @@ def test_two_lit_texels_leave_a_wide_posterior():
     found = search(channel, EXACT, most=0.3)
     assert found.free < 0
     check(found.sample(), sum_over_grid(channel, found.reading, 0.3), shift=0.2, ratio=0.15)
+
+
+def test_as_many_lit_texels_as_parameters_leave_a_posterior_of_the_likelihood_itself():
+    """Three texels with noise, and none of the others was measured."""
+    lit = np.isin(ALL, [MIDDLE, MIDDLE - 1, MIDDLE + 5])
+    reading = Reading(*(np.where(lit, EXACT, end)[None] for end in (-np.inf, np.inf)))
+    found = Search(chart=POINTS, channel=BARE, reading=reading, seen=POINTS.order, most=0.5, others=np.zeros(15))
+    assert (found.free, found.size) == (0, 3)
+    mean, spread = sum_over_grid(BARE, reading, 0.5)
+    drawn = found.sample()
+    values = np.column_stack([drawn.places, drawn.forces])
+    assert np.abs(drawn.weights @ values - mean) / spread == pytest.approx(np.zeros(3), abs=0.2)
+    found_spread = np.sqrt(drawn.weights @ (values - drawn.weights @ values) ** 2)
+    assert found_spread / spread == pytest.approx(np.ones(3), abs=0.15)
 
 
 def test_a_radius_and_two_ellipticities_are_further_parameters():
