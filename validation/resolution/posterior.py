@@ -122,7 +122,7 @@ class Search:
         chart: Texel forces of these touches.
         channel: Noise and electronics.
         reading: Reading of all texels, shape (1, n) [N].
-        seen: Indices of the s texels that count.
+        seen: Indices of the s texels that count, the first ones in the order of the chart.
         most: Largest force [N].
         others: Force of other touches on each texel, shape (n,) [N].
     """
