@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from validation.campaign import texel_metrics
 from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import (
+    CampaignResult,
     CaseResult,
     Reference,
     SkippedCase,
@@ -139,6 +141,16 @@ def test_a_skipped_case_names_its_bodies_and_its_whole_load():
     assert both.indenter.startswith("sphere:radius=5mm, 3 N at (1, -2) mm, 0\u00b0 and ")
 
 
+def test_what_a_solver_does_not_tell_is_zero_or_unknown():
+    told = {"texel_forces": TRUE, "total_force": 2.0, "depth": 1e-3, "contact_area": 1e-6, "error_estimate": {}}
+    found = Reference.of(SimpleNamespace(**told, assumptions={}, warnings=()))
+    assert (found.outside, found.total_force, found.balance, found.seconds) == (0.0, 2.0, None, None)
+    assert found.found.texel_forces is TRUE
+    empty = CampaignResult(cases=(), skipped=(), pooled={}, skill={}, noise_floor={"depth": 0.2})
+    assert (empty.interrupted, empty.published, empty.reference_error) == (False, (), 0.0)
+    assert list(empty.models) == ["fast", "foundation", "boxes", "no-spread", "zeros"]
+
+
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_scored_case_is_read_back_from_its_values(number):
     """The complete result of the solver is not written."""
@@ -205,6 +217,16 @@ def test_cases_of_several_loads_have_them_in_their_names_with_three_digits():
     ]  # fmt: skip
     assert found.quick == ("b, 1.23 N", "b, 0.25 N")
     assert {case.shape for case in found.cases} == {"sphere:radius=5mm"}
+
+
+def test_spaces_around_a_place_make_no_other_place():
+    """A repeated press is refused; under the other name of a place it is left out without a fault."""
+    odd = FlatPlaces(array=TexelArray.grid(5, 7, 3e-3))
+    first, again = BALL | {"at": "centre"}, BALL | {"name": "again"}
+    spaced = parse_campaign({"case": [first, again | {"at": " centre "}]}, odd, source="mine.toml")
+    other = parse_campaign({"case": [first, again | {"at": " texel "}]}, odd, source="mine.toml")
+    assert [len(each.cases) for each in (spaced, other)] == [1, 1]
+    assert [len(each.left_out) for each in (spaced, other)] == [1, 0]
 
 
 def test_faults_of_moving_cases_follow_those_of_others():

@@ -13,8 +13,9 @@ from scipy.stats import chi2
 
 import validation
 from fastmodel import Electronics
+from meshes import TexelArray
 from tests.support.gaussian_touches import CENTRES, MIDDLE, PITCH, TOUCHES, share
-from validation.resolution.channel import Channel, make_channel
+from validation.resolution.channel import Channel, Reading, make_channel
 from validation.resolution.frames import Frames
 from validation.resolution.locate import Estimate, Located, LocatedFrame, LocatedTouch, Locator, locate_frames
 from validation.resolution.touches import Touches
@@ -348,3 +349,13 @@ def test_what_is_asked_with_other_options_is_prepared_anew():
         assert (found.sensor, found.radii) == (sensor.name, radii or (0.0, pytest.approx(3.4e-3)))
         assert found.noise_assumed == (noise is None)
         assert found.noise == pytest.approx(0.05 if noise is None else noise)
+
+
+def test_a_touch_is_up_to_the_larger_pitch_wide_if_no_radius_is_given():
+    sensor = dataclasses.replace(WTS, array=TexelArray.grid(3, 5, (3e-3, 4e-3)))
+    frames = Frames(values=np.zeros((1, 15)), times=np.array([1.5]), forces=True, measured=np.ones(15, dtype=bool))
+    found = locate_frames(sensor, frames, noise=5e-3)
+    assert found.radii == pytest.approx((0.0, 4e-3))
+    assert (found.frames[0].time, found.frames[0].words) == (1.5, ("at rest",))
+    reading = Reading(np.zeros((1, 15)), np.zeros((1, 15)))
+    assert make_locator().find(reading, 1) == LocatedFrame(time=0.0, words=("at rest",))
