@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fastmodel import BoxTexels, CoverContact, FastModelError, Foundation, Plate
-from fastmodel.contact.bodies import Bodies, Joints
+from fastmodel.contact.bodies import Bodies, Joints, sample_boxes
 from fastmodel.contact.forces import BY_GEOM, SHARED, NetForceReader
 from fastmodel.contact.interface import Reading
 from fastmodel.contact.mesh import MeshContact, list_hulls
@@ -308,3 +308,16 @@ def test_a_ball_reaches_the_bottom_of_a_dish():
         mujoco.mj_forward(model, data)
         touching.append(data.ncon > 0)
     assert touching == [False, True]
+
+
+@pytest.mark.parametrize(("width", "count"), [(2.5e-3, 1000), (2.6e-3, 1)])
+def test_two_thousand_points_on_several_boxes_are_not_too_many(width, count):
+    """25 x 40 points on each of two boxes of 4 mm, whose points are 0.1 mm apart."""
+    spec = mujoco.MjSpec()
+    for _ in range(2):
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[width / 2, 2e-3, 1e-3])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    points, normals = sample_boxes(model, data, np.arange(2), inset=0.0, spacing=1e-4)
+    assert (len(points), len(normals)) == (2 * count, 2 * count)

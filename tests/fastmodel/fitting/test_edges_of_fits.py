@@ -155,3 +155,14 @@ def test_the_volume_below_the_top_is_that_of_a_cap_at_any_depth(depth):
     volume = np.pi * depth**2 * (5e-3 - depth / 3)
     assert found.estimates["lightest"] == pytest.approx(1 / volume, rel=3e-3)
     assert found.modulus == pytest.approx(1.5 / volume, rel=3e-3)
+
+
+@pytest.mark.parametrize(("count", "middle"), [(2, 1), (3, 1), (4, 2)])
+def test_the_middle_load_is_matched_at_steps_of_a_millisecond_unless_others_are_given(count, middle):
+    """The depths are so small that the time constant is two and a half steps."""
+    load, depth = np.arange(1.0, count + 1), 1e-6 * np.arange(1.0, count + 1)
+    found = fit_contact(load, depth)
+    assert (found.load, found.depth) == (load[middle], depth[middle])
+    assert found.solref == pytest.approx((2.5e-3, 1.0))
+    assert found.sinks[middle] == pytest.approx(depth[middle], rel=0.01)
+    assert found.plate(None).solref == found.solref
