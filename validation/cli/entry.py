@@ -65,6 +65,8 @@ _REMEDIES = {
 _PLAIN = {"±": "+-", "²": "2", "°": " deg", "µ": "u", "×": "x", "–": "-", "“": '"', "”": '"'}  # noqa: RUF001
 #: Largest number of faults of a user's input that are printed, one line each [-].
 _MOST_LINES = 50
+#: Signals that asked the running command to end.
+_INTERRUPTS: list[int] = []
 #: Commands by purpose, in the order of the help page.
 _GROUPS = {
     "Design": ("init", "materials", "derive", "mesh", "datasheet", "limits", "design", "sweep"),
@@ -179,7 +181,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=_replace_character.__name__)
     try:
-        with _interrupt_on_terminate():
+        with _note_interrupts():
             status = _run(list(sys.argv[1:] if arguments is None else arguments))
         sys.stdout.flush()  # fails again after a full disk, before the end of the process would write what is left
     except BrokenPipeError:
@@ -194,16 +196,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 @contextlib.contextmanager
-def _interrupt_on_terminate() -> Iterator[None]:
-    """Treat the signal SIGTERM like Ctrl-C, so that a command completes its file and removes its temporary folder."""
-    if threading.current_thread() is not threading.main_thread():  # Only the main thread handles signals.
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+def _note_interrupts() -> Iterator[None]:
+    """Note Ctrl-C, and treat SIGTERM like it, so that a command completes its file and removes its temporary folder.
+
+    The note outlasts the exception, which some compiled libraries turn into one of their own.
+    """
+    _INTERRUPTS.clear()
+    # Only the main thread handles signals; a shell lets jobs in its background ignore Ctrl-C; None is not Python's.
+    is_main = threading.current_thread() is threading.main_thread()
+    handlers = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM) if is_main]
+    before = {number: handler for number, handler in handlers if handler not in {None, signal.SIG_IGN}}
+    for number in before:
+        signal.signal(number, _interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(number: int, _: object) -> None:
+    """Note a signal and interrupt the command."""
+    _INTERRUPTS.append(number)
+    raise KeyboardInterrupt
 
 
 def _run(words: Sequence[str]) -> int:
@@ -257,6 +272,8 @@ def _report_error(raised: Exception, words: Sequence[str]) -> int:
     error = _clarify(raised, words)
     explanation = explain(error)
     if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
+        if _INTERRUPTS and not os.environ.get("SOFTCOVER_TRACEBACK"):
+            return _report_interrupt()
         raise raised
     see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
     for line in explanation.lines[:_MOST_LINES]:

@@ -1,3 +1,4 @@
+import contextlib
 import json
 import re
 import signal
@@ -176,6 +177,38 @@ def test_a_request_to_terminate_ends_every_command_like_ctrl_c(monkeypatch, caps
     assert raised.value.code == 130
     assert capsys.readouterr().err == "softcover: interrupted\n"
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_a_library_turns_into_an_error_is_an_interrupt(monkeypatch, capsys, number):
+    """A compiled library may hide the exception; the next command knows nothing of it."""
+    before = signal.getsignal(number)
+
+    def run(words, **_):
+        with contextlib.suppress(KeyboardInterrupt):
+            if words == ["materials"]:
+                signal.raise_signal(number)
+        raise SystemError("error return without exception set")
+
+    monkeypatch.setattr("validation.cli.entry.app", run)
+    with pytest.raises(SystemExit) as raised:
+        main(["materials"])
+    assert (raised.value.code, capsys.readouterr().err) == (130, "softcover: interrupted\n")
+    assert signal.getsignal(number) is before
+    with pytest.raises(SystemError):
+        main(["store"])
+
+
+def test_a_command_that_ignores_ctrl_c_goes_on(monkeypatch):
+    """As a shell starts jobs in its background."""
+    monkeypatch.setattr("validation.cli.entry.app", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with pytest.raises(SystemExit) as raised:
+            main(["materials"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert raised.value.code == 0
 
 
 def test_a_command_outside_the_main_thread_leaves_signals_alone(capsys):
