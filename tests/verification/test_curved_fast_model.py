@@ -23,6 +23,7 @@ PRESSES = [
 
 
 @pytest.mark.slow
+@pytest.mark.bench
 def test_the_fast_model_misplaces_little_of_the_load():
     meshes = COVER.meshes(1.25)
     fast, finest = derive_points(choose_mesh(meshes), COVER.texels, RUBBER), meshes[-1]

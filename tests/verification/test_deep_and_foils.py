@@ -83,7 +83,13 @@ def test_a_wide_face_on_soft_rubber_sinks_as_deep_as_one_with_a_wider_edge():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ratio", "radius", "share"), [(0.4, 1.696e-3, 0.36), (0.4, 1.0e-3, 0.22), (0.49, 3e-3, 0.18), (0.3, 2.2e-3, 0.45)]
+    ("ratio", "radius", "share"),
+    [
+        pytest.param(0.4, 1.696e-3, 0.36, marks=pytest.mark.bench),
+        (0.4, 1.0e-3, 0.22),
+        pytest.param(0.49, 3e-3, 0.18, marks=pytest.mark.bench),
+        (0.3, 2.2e-3, 0.45),
+    ],
 )
 def test_a_load_and_its_depth_belong_together_deep_in_the_cover(ratio, radius, share):
     cover = make_cover(ratio, thickness=1.297e-3)
@@ -112,6 +118,7 @@ def test_a_rounded_disk_deep_in_rubber_carries_what_another_package_finds():
 
 
 @pytest.mark.slow
+@pytest.mark.bench
 def test_loads_on_one_path_sink_as_deep_as_alone():
     cover = make_cover(0.4, thickness=1.297e-3)
     face, loads = Cylinder(radius=1.7e-3), (2.0, 5.5)

@@ -60,6 +60,7 @@ def test_a_deep_indentation_by_a_sphere_has_small_error_estimates(wts, nu):
 
 
 @pytest.mark.slow
+@pytest.mark.bench
 def test_a_box_at_a_small_load_reaches_the_linear_solution(bonded, wts):
     shape = Box(size=(6e-3, 6e-3, 5e-3))
     linear = press(bonded(0.45), wts, shape, load=0.05)

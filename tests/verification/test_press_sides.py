@@ -177,6 +177,7 @@ def test_a_pad_held_on_both_faces_is_two_pads_of_half_the_height(bonded):
 
 
 @pytest.mark.slow
+@pytest.mark.bench
 def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
     """A ball 0.3 of the thickness deep: the wide cover has the force and the texels of the pad in three dimensions."""
     request = {"cover": make_cover(0.45, size=(24e-3, 24e-3)), "array": TexelArray.grid(6, 6, 2e-3), "depth": 0.6e-3}
@@ -193,6 +194,7 @@ def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.bench
 def test_sides_and_finite_strain_superposed_agree_with_both_at_once():
     """A ball near a side: what the two effects change together is inside the stated errors."""
     cover, array = make_cover(0.49, size=(16e-3, 12e-3)), TexelArray.grid(3, 4, 3.4e-3)

@@ -66,6 +66,7 @@ def test_friction_carries_a_part_of_the_shear_without_slip():
 
 
 @pytest.mark.usefixtures("full_cells")
+@pytest.mark.bench
 def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover():
     """The compliance of the flat cover is that of waves, without a mesh of the cover."""
     pad, material, at = flat_pad(size=(14e-3, 14e-3), rows=2), make_rubber(0.0, "linear-elastic"), (0.3e-3, 0.2e-3)
