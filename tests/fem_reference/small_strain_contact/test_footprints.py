@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fem_reference.small_strain_contact import several_indenters
 from fem_reference.small_strain_contact.several_indenters import Body, find_overlap, press_together
 from meshes import Box, Cylinder, Prism, Sphere, TexelArray
 from meshes.pose import Pose
@@ -61,6 +62,24 @@ def body(**options):
 def test_bodies_that_are_not_solved_together_are_refused(bodies, words):
     with pytest.raises(ValueError, match=words):
         press_together(COVER, ARRAY, bodies)
+
+
+@pytest.mark.parametrize(("size", "counts"), [((1.3, 0.7), (3, 1)), ((1.2, 0.8), (2, 2)), ((1.5, 1.0), (3, 2))])
+def test_cells_begin_at_the_lowest_corner_and_count_where_their_middles_are_below(size, counts, monkeypatch):
+    """Cells of 0.5 mm on the finer grid: one whose middle is beside the face bears nothing."""
+    wanted = size[0] * size[1] / 0.25
+    monkeypatch.setattr(several_indenters, "_MOST_CELLS", 1.001 * wanted)
+    low = np.array([-0.4e-3, 0.9e-3])
+    length, width = (1e-3 * each for each in size)
+    box = body(indenter=Box(size=(length, width, 1e-3)), load=0.3, at=(low[0] + length / 2, low[1] + width / 2))
+    found = press_together(COVER, ARRAY, [box], cells=(2, 4))
+    assert found.contact[:, 2].sum() == pytest.approx(0.3)
+    for k in range(2):
+        assert np.unique(found.contact[:, k].round(9)) == pytest.approx(low[k] + 0.5e-3 * (np.arange(counts[k]) + 0.5))
+    assert found.contact_area == pytest.approx(0.25e-6 * counts[0] * counts[1])
+    monkeypatch.setattr(several_indenters, "_MOST_CELLS", 0.999 * wanted)
+    with pytest.raises(ValueError, match="too far apart"):
+        press_together(COVER, ARRAY, [box], cells=(2, 4))
 
 
 def test_the_point_of_a_weight_turns_and_moves_with_its_body():
