@@ -92,9 +92,19 @@ def test_a_load_asks_for_the_depth_of_the_largest_elastic_load_that_creep_reache
     found, calls = follow(monkeypatch, relax(PRONY), BALL, 1.5, loads=[0.2, 0.2])
     grown = 1 + 0.4 / 0.6 * (1 - np.exp(-10.0 * 0.6 / 2.0))
     assert calls[0][1] == pytest.approx([0.2 * grown], rel=5e-3)
-    assert calls[1][2][-1] == pytest.approx(found.depths[-1], rel=1e-3)
+    assert calls[1][2][-1] == pytest.approx(found.depths[-1], rel=1e-9)
     assert (found.depths[-1] / found.depths[0]) ** 1.5 == pytest.approx(grown, rel=5e-3)
     assert found.fast[:, 0] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("loads", [(0.3, 0.1), (0.1, 0.3), (0.0, 0.2)])
+def test_presses_go_as_deep_as_the_deepest_instant_of_the_finer_history(monkeypatch, loads):
+    """The depth after a peak of the load is that of creep until there."""
+    found, calls = follow(monkeypatch, relax(PRONY), BALL, 1.5, loads=list(loads))
+    assert calls[1][2][-1] == pytest.approx(found.contact_depths.max(), rel=1e-9)
+    assert len(found.times) == len(np.unique(found.times)) > 32
+    _, (first, *_) = follow(monkeypatch, relax(CONSTANT), FACE, 1.0, loads=list(loads))
+    assert first[1] == pytest.approx([max(loads)])
 
 
 @pytest.mark.parametrize(("pose", "count"), [(Pose(), 2), (Pose(tilt=(0.01, 0.0)), 10)])
