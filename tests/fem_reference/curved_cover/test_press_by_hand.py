@@ -276,14 +276,19 @@ def test_a_pad_under_a_plate_stiffens_at_finite_strain_as_a_bar_does_in_any_fram
         def solve(self, _=None):
             return dataclasses.replace(contact, nodal=contact.nodal @ turn.T)
 
+    told: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "CellPress", Given)
         problem = PressProblem(
             array=texels, indenter=Box(size=(9e-3, 9e-3, 5e-3)), control="depth", targets=(0.4e-3,), strain="finite",
+            progress=told.append,
             pose=Pose.facing(shift + np.array([0, 5e-3, 0]), [0, -1, 0]),
         )  # fmt: skip
         layers = (Layer(thickness=2e-3, material=make_rubber(0.0)),)
         found = press_finite((whole,), layers, problem, 0.4e-3)
+    named = [each.split(":")[0] for each in told if ": " in each]
+    assert [*dict.fromkeys(named)] == ["small strain, mesh 1", "finite strain, mesh 1"]
+    assert any(each.startswith("contact on 44 cells across, ") for each in told)
     free = -stress(0.8, brentq(lambda width: stress(0.8, width)[1], 0.9, 1.1))[0] / 0.2
     held = -stress(0.8, 1.0)[0] / 0.2
     assert 1.1 < free < found.total_force / 1.5 < held < 1.25
