@@ -228,3 +228,68 @@ def test_a_few_steps_of_a_path_start_the_next_mesh(loads, targets, coarser, expe
         assert guess.contact_pressure == pytest.approx(2 * guess.load)
         np.testing.assert_allclose(guess.state, guess.load, rtol=1e-12)
     assert [guess.load for guess in path.transfer_guesses(elements)] == list(targets)
+
+
+@pytest.mark.parametrize(
+    ("friction", "depths"),
+    [
+        # Steps of many iterations do not grow, except with friction, up to a fourth of the target.
+        (0.0, [0.02 * n for n in range(1, 20)] + [0.4]),
+        (0.3, [0.02, 0.04, 0.076, 0.1408, 0.2408, 0.3408, 0.4]),
+    ],
+)
+def test_steps_with_friction_grow_up_to_a_part_of_the_target(friction, depths):
+    problem = Steps(lambda _call: {"iterations": 20}, friction=friction)
+    told, recorded = [], []
+    found = follow(problem, progress=told.append, record=recorded.append)
+    assert [call.depth for call in problem.asked if call.tolerance == 1e-3] == pytest.approx(depths)
+    assert [each.depth for each in recorded] == pytest.approx(depths[1:])
+    # Two millimetres and four newtons per unit, ten units of force per depth.
+    assert told == [f"{40 * d:.3g} N at {2 * d:.3g} mm" for d in (*depths[1:], 0.4)]
+    assert found.depth == 0.4
+
+
+def test_each_step_starts_on_the_line_through_the_last_two_equilibria():
+    """Unknowns rise by one per solution; the depth is a tenth of the load."""
+    problem = Steps(lambda call: {} if call.load is None else {"depth": call.load / 10})
+    follow(problem, 2.0, control="load")
+    steps = [call for call in problem.asked if call.load is not None and call.tolerance == 1e-3]
+    loads = [0.4, 0.76, 1.408, 2.0]
+    assert [call.load for call in steps] == pytest.approx(loads)
+    assert (steps[0].depth, steps[0].state[0]) == pytest.approx((0.02, 1.0))
+    last = [(0.2, 1.0), (0.4, 2.0)]
+    for call, load in zip(steps[1:], loads[1:], strict=True):
+        (one, x), (two, y) = last
+        ahead = (load - two) / (two - one)
+        assert (call.depth, call.state[0]) == pytest.approx((load / 10, y + ahead * (y - x)))
+        assert call.near.load == pytest.approx(two)
+        last = [(two, y), (load, call.state[0] + 1)]
+
+
+def test_a_small_step_that_fails_moves_viscously():
+    """Beyond a depth of 0.3 nothing converges without drag: steps of a sixty-fourth or less get some."""
+    problem = Steps(lambda call: {} if call.depth <= 0.3 or call.drag else None)
+    with pytest.raises(PathConvergenceError, match="the cover does not come to rest"):
+        follow(problem)
+    moving = [call for call in problem.asked if call.drag]
+    still = [call for call in problem.asked if not call.drag and call.depth > 0.3]
+    assert moving
+    assert max(call.depth / 0.3 for call in moving) < 1 + 1.01 / 64
+    plain = {call.depth for call in still} - {call.depth for call in moving}
+    assert min(plain) > min(call.depth for call in moving)
+
+
+@pytest.mark.parametrize(("target", "scale", "refused"), [(0.97, 1.0, False), (0.99, 1.0, True), (0.99, 0.5, False)])
+def test_a_path_ends_before_the_cover_vanishes_unless_it_is_scaled(target, scale, refused):
+    problem = Steps(lambda _call: {})
+    object.__setattr__(problem, "load_scale", scale)
+    told = []
+    if not refused:
+        assert follow(problem, target, progress=told.append).depth == target
+        assert told[-1] == f"{40 * target / scale:.3g} N at {2 * target / scale:.3g} mm"
+        return
+    with pytest.raises(PathConvergenceError, match=r"beyond 3\d.\d N at 1.9\d mm: the indenter would touch") as stopped:
+        follow(problem, target)
+    depth = stopped.value.depth / 2e-3
+    assert 0.97 < depth < 0.98
+    assert stopped.value.load == pytest.approx(40 * depth)
