@@ -258,7 +258,7 @@ def _draw_section(plotter: Any, scene: CoverScene) -> None:
 
 def _outline_layers(plotter: Any, grid: Any, scene: CoverScene, normal: FloatArray, origin: FloatArray) -> None:
     """Draw the borders of the layers on the plane of a section."""
-    plane = _MILLIMETRES * 1e-3 * scene.thickness * normal + origin  # Just behind the plane every element is cut.
+    plane = origin - _MILLIMETRES * 1e-3 * scene.thickness * normal  # Just behind the plane every element is cut.
     cut = grid.warp_by_vector("displacement").slice(normal=normal, origin=plane)
     for index in range(len(scene.layers)):
         part = cut.threshold((index, index), scalars="layer").extract_surface(algorithm="dataset_surface").clean()

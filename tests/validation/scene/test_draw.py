@@ -75,6 +75,7 @@ def test_the_section_shows_the_half_behind_the_contact(views, scene):
     # the border of each layer on the plane of the section
     for part, ends in zip(layers, ((0, 0.975), (0.975, 1.95)), strict=True):
         np.testing.assert_allclose(part.bounds[[0, 1, 4, 5]], (-2, 6, *ends), atol=1e-4)
+        assert 0.99 < part.bounds[2] <= part.bounds[3] < 1  # in front of the cut face, which would hide it
     assert section.texts == ["\nsection through (2, 1, 2) mm; from the top:\nstiff, 1 mm\nsoft, 1 mm"]
     assert (body.name, section.bars, body.logarithmic) == ("inside", ["displacement [mm]"], False)
     assert body.limits == pytest.approx((0, 7))  # displacements are finite everywhere: all of them have a colour
