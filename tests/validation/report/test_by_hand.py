@@ -322,6 +322,8 @@ def test_the_first_screen_lists_what_is_missed_before_what_is_open_and_met():
         (find("peak_error", "open", 0.05, 0.02, low=math.nan, high=math.nan),
          {"low": 0, "high": 0, "value": 300 / 1.15, "limit": 120 / 1.15}),
         (find("peak_error", "met", 0.0, 0.0), {"low": 0, "high": 0, "value": 0, "limit": 0}),
+        (find("peak_error", "open", 0.02, 0.04, low=-0.03, high=0.05),
+         {"low": 0, "high": 300 / 1.15, "value": 120 / 1.15, "limit": 240 / 1.15}),
     ],
 )  # fmt: skip
 def test_a_requirement_is_drawn_to_scale(finding, places):
@@ -399,6 +401,7 @@ def test_each_split_names_its_best_null_model_and_its_skill(recorded):
     assert (near["fitted"], near["scored"]) == ("a, b", "near 1 N, near 5 N")
     assert near["left_out"] == ""
     assert far["left_out"].startswith("<svg")
+    assert 'width="288pt" height="158.4pt"' in far["left_out"]
     assert far["parameters"] == {
         "fast model": {"x [mm]": pytest.approx(4 / 3)}, "fast model, texel gains": {"x [mm]": pytest.approx(5 / 3)},
     }  # fmt: skip
