@@ -30,11 +30,16 @@ def page(solved_folder):
 
 
 def fresh(page, path="index.html"):
+    """Open a page anew; a busy browser may still show the blank one when it says that the page is loaded."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
     driver, folder = page
     driver.get_log("browser")
     driver.get_log("performance")
     driver.get("about:blank")  # without it the same address would keep its open sections
     driver.get((folder / path).as_uri())
+    loaded = "return location.protocol === 'file:' && document.readyState === 'complete'"
+    WebDriverWait(driver, 60).until(lambda _: driver.execute_script(loaded))
     return driver
 
 
