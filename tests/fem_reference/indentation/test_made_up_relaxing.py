@@ -165,3 +165,23 @@ def test_covers_that_do_not_relax_alike_or_too_far_are_refused(cover, words, mon
 def test_deep_presses_at_small_strain_are_warned_of(monkeypatch):
     found, _ = follow(monkeypatch, relax(PRONY), BALL, 1.5, depths=[0.7e-3, 0.7e-3])
     assert found.warnings[-1] == "indented to 35% of the thickness: more than small strain is meant for"
+
+
+@pytest.mark.parametrize(
+    ("relaxation", "indenter", "depths", "words"),
+    [
+        (CONSTANT, BALL, (0.0, 0.2e-3, 0.1e-3), r"shrinks from 4 s on, which is not computed for bulk = 'constant'"),
+        (PRONY, FACE, (0.1e-3, 0.1e-3, 0.001e-3), "the indenter lifts off at"),
+    ],
+)
+def test_contacts_that_shrink_or_lift_off_are_refused(monkeypatch, relaxation, indenter, depths, words):
+    with pytest.raises(UnsupportedError, match=words) as told:
+        follow(monkeypatch, relax(relaxation), indenter, 1.0, times=(0.0, 4.0, 10.0), depths=list(depths))
+    if indenter is BALL:
+        return
+    # A step of 0.1 mm, less what comes back at 0.099 mm in six seconds: g - 0.99 / 6 times the integral of g.
+    t = np.linspace(4, 10, 60_001)
+    g = 1 - 0.4 * (1 - np.exp(-t / 2))
+    left = g - 0.99 / 6 * (0.6 * (t - 4) + 0.4 * 2 * (1 - np.exp(-(t - 4) / 2)))
+    lifts = t[np.argmax(left <= 0)]
+    assert lifts <= float(str(told.value).split("lifts off at ")[1].split(" s")[0]) < lifts + 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -11,7 +13,13 @@ from scipy.optimize import nnls
 
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
+from fem_reference.small_strain_contact import constrained_solver as solver
+from fem_reference.small_strain_contact.constrained_solver import (
+    ComplianceOperator,
+    Exchange,
+    find_pressures,
+    solve_displacement,
+)
 
 SHAPE, CELL = (7, 5), (0.4e-3, 0.3e-3)
 GAPS = arrays(float, SHAPE, elements=st.floats(0, 1)).map(lambda gap: 2e-4 * gap)
@@ -81,3 +89,56 @@ def test_a_load_beside_the_body_cannot_be_balanced(compliance):
         find_pressures(
             compliance, np.zeros(SHAPE), np.ones(SHAPE, dtype=bool), columns=columns, sums=np.array([1e6, 0.0])
         )
+
+
+def test_wrong_cells_change_together_until_their_number_no_longer_falls():
+    """Twice more without a new minimum; then the last one alone, until there is a new minimum."""
+    exchange, chosen = Exchange(6, 2), []
+    for wrong in (
+        [0, 1, 3, 5],
+        [0, 1, 3, 4],
+        [0, 1, 2, 3, 4],
+        [0, 2, 3, 5],
+        [1, 2, 4, 5],
+        [1, 2, 4],
+        [0, 1, 2],
+        [3, 4, 5],
+    ):
+        picked = exchange.choose(np.isin(np.arange(6), wrong))
+        chosen.append((np.flatnonzero(picked).tolist(), exchange.is_single, exchange.fewest))
+    assert chosen == [
+        ([0, 1, 3, 5], False, 4), ([0, 1, 3, 4], False, 4), ([0, 1, 2, 3, 4], False, 4), ([5], True, 4), ([5], True, 4),
+        ([1, 2, 4], False, 3), ([0, 1, 2], False, 3), ([3, 4, 5], False, 3),
+    ]  # fmt: skip
+    assert Exchange(6, 0).choose(np.ones(6, dtype=bool)).all()
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-9])
+def test_displacements_are_met_within_their_tolerance_from_any_start(compliance, dense, tolerance):
+    rng = np.random.default_rng(3)
+    wanted, touching = 1e-4 * rng.standard_normal(SHAPE), rng.uniform(size=SHAPE) < 0.6
+    held = touching.ravel()
+    exact = np.zeros(held.size)
+    exact[held] = np.linalg.solve(dense[np.ix_(held, held)], wanted.ravel()[held])
+    size = np.linalg.norm(wanted[touching])
+    for start in (np.zeros(SHAPE), 1e6 * rng.standard_normal(SHAPE), exact.reshape(SHAPE)):
+        found = solve_displacement(compliance, wanted, touching, start, tolerance)
+        assert (found[~touching] == 0).all()
+        missed = (dense @ found.ravel())[held] - wanted[touching]
+        assert np.linalg.norm(missed) <= 1.0001 * tolerance * size
+    assert found == pytest.approx(exact.reshape(SHAPE), abs=1e-9 * np.abs(exact).max())
+    assert not solve_displacement(compliance, wanted, np.zeros(SHAPE, dtype=bool), wanted, tolerance).any()
+
+
+def test_searches_that_take_too_long_are_given_up(compliance, monkeypatch):
+    gap = 1e-4 * np.arange(35.0).reshape(SHAPE) / 35 - 0.6e-4
+    plain = solver._SETTINGS
+    monkeypatch.setattr(solver, "_SETTINGS", dataclasses.replace(plain, exchanges=1))
+    with pytest.raises(ConvergenceError, match=r"did not settle in 1 exchanges on \(7, 5\) cells"):
+        find_pressures(compliance, gap, gap < 1.0)
+    monkeypatch.setattr(solver, "_SETTINGS", dataclasses.replace(plain, iterations=1))
+    with pytest.raises(ConvergenceError, match="conjugate gradients did not converge in 1 iterations"):
+        find_pressures(compliance, gap, gap < 0)
+    monkeypatch.setattr(solver, "_SETTINGS", plain)
+    with pytest.raises(ConvergenceError, match="no motion of the indenters balances their loads and moments"):
+        find_pressures(compliance, 0 * gap, gap < 1.0, columns=np.ones((1, *SHAPE)), sums=np.array([-1e6]))
