@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import warnings
 
 import mujoco
 import numpy as np
@@ -222,3 +223,85 @@ def test_time_may_differ_from_a_step_by_a_thousandth_of_it(late, refused):
             sensor.step(data)
     else:
         sensor.step(data)
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 4e-3])
+def test_a_step_whose_frame_is_left_out_is_counted_as_any_other(timestep):
+    """A stored state begins with the numbers of steps and frames; a sensor that was stepped shows no unloaded array."""
+    (plain, *one), (hasty, *two) = build(timestep=timestep), build(timestep=timestep)
+    for step in range(1, 11):
+        for (model, data), sensor, skip in ((one, plain, False), (two, hasty, step != 7)):
+            advance(model, data)
+            sensor.step(data, skip=skip)
+        clock = hasty.get_state()["clock"]
+        np.testing.assert_array_equal(clock[:4], plain.get_state()["clock"][:4])
+        assert clock[0] == step
+        assert clock[1] == int(step * timestep * RATE + 1e-3)
+
+
+def test_a_first_step_whose_frame_is_left_out_is_a_step():
+    sensor, model, data = build(timestep=4e-3)
+    advance(model, data)
+    assert sensor.step(data, skip=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert sensor.frame().time == sensor.frame().time == 0
+
+
+@pytest.mark.parametrize(
+    ("cutoff", "rate", "settings", "interval"),
+    [
+        (50.0, 100.0, {}, 5), (40.0, 271.0, {}, 3), (100.0, 100.0, {}, 2), (400.0, 100.0, {}, 1),
+        # 4 samples per period of the cut-off; a thousandth more than three steps is accepted
+        (83.4, 100.0, {}, 3), (83.5, 100.0, {}, 2), (None, 40.0, {"high_pass_hz": 2.0}, 1),
+        (50.0, 100.0, {"contact": "boxes"}, 1), (50.0, 100.0, {"every": 4}, 4),
+    ],
+)  # fmt: skip
+def test_filtered_contacts_are_sampled_as_often_as_frames_and_filter_need(cutoff, rate, settings, interval):
+    own = {name: settings[name] for name in settings if name == "high_pass_hz"}
+    given = dataclasses.replace(
+        change(rate_hz=rate, **own), filter=None if cutoff is None else Butterworth(cutoff_hz=cutoff)
+    )
+    sensor, model, data = build(given, **{name: settings[name] for name in settings if name not in own})
+    loads = []
+    for _ in range(31):
+        advance(model, data)
+        sensor.step(data)
+        loads.append(sensor.carried())
+    new = np.flatnonzero(np.diff(loads[15:])) + 16
+    assert set(np.diff(new)) == {interval}
+    assert new[0] % interval == 0
+
+
+def test_a_reset_sensor_without_a_step_warns_anew():
+    sensor, _, _ = build()
+    for _ in range(2):
+        sensor.frame()
+        with pytest.warns(OptionWarning, match="frame is that of the unloaded array"):
+            sensor.frame()
+        sensor.reset()
+
+
+def test_the_noise_continues_over_a_reset_that_follows_another_timestep():
+    given = change(noise=0.02, offset=0.0)
+
+    def show(sensor, model, data):
+        mujoco.mj_resetData(model, data)
+        found = []
+        for _ in range(6):
+            advance(model, data)
+            if sensor.step(data):
+                found.append(sensor.frame().counts)
+        return np.array(found)
+
+    fresh, (sensor, model, data) = build(given, timestep=3e-3), build(given)
+    model.opt.timestep = 3e-3
+    sensor.reset()
+    np.testing.assert_array_equal(show(sensor, model, data), first := show(*fresh))  # nothing was drawn yet
+    model.opt.timestep = 2e-3
+    sensor.reset()
+    model.opt.timestep = 3e-3
+    sensor.reset()
+    assert (show(sensor, model, data) != first).any()
+    sensor.reset(seed=0)
+    np.testing.assert_array_equal(show(sensor, model, data), first)

@@ -95,6 +95,27 @@ def test_texels_are_drawn_where_they_are_as_bright_as_they_are_pressed():
     assert small.ngeom == 10
 
 
+def test_drawn_texels_are_turned_tiles_with_gaps_and_white_from_half_a_newton():
+    spec, sensor, _, _ = build(bend())
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bind(sensor, model)
+    sensor.reset(np.linspace(0.1, 1.6, 6))
+    scene = mujoco.MjvScene(model, maxgeom=20)
+    sensor.draw(scene, data)
+    forces, poses = sensor.texel_forces(), sensor.texel_poses(data)
+    assert forces.min() < 0.4
+    assert forces.max() > 0.6
+    for k, geom in enumerate(scene.geoms[:6]):
+        np.testing.assert_allclose(geom.rgba, [*[min(2 * forces[k], 1)] * 3, 1], atol=1e-6)
+        np.testing.assert_allclose(np.reshape(geom.mat, (3, 3)), poses.frames[k], atol=1e-6)
+        gaps = 2 * geom.size[:2] / np.array(sensor.parameters.array.texel_size)
+        assert gaps == pytest.approx([0.9, 0.9], rel=1e-5)
+        assert 0 < geom.size[2] < 2e-4
+        np.testing.assert_allclose(geom.pos - poses.positions[k], 2e-4 * poses.normals[k], atol=1e-7)
+
+
 def test_a_quantity_has_one_name_on_sensor_and_frame():
     sensor, *_ = press()
     frame = sensor.frame()
