@@ -123,3 +123,28 @@ def test_a_byte_order_mark_is_accepted(given):
     path = given() / "parameters.toml"
     path.write_text(path.read_text(), encoding="utf-8-sig")
     assert load(path).array.count == 84
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_the_text_may_have_3_mib(given, more):
+    path = given() / "parameters.toml"
+    text = path.read_bytes() + b"# "
+    path.write_bytes(text + b"x" * (3 * 2**20 - len(text) + more))
+    if more:
+        refuse(path, "more than the 3 MiB accepted")
+    else:
+        assert load(path).array.count == 84
+
+
+@pytest.mark.parametrize(("more", "message"), [(0, "not that of its shape"), (1, "unpacks to more")])
+def test_tables_may_have_128_mib_besides_the_operator(given, more, message):
+    """The file only claims this size; numbers have 8 bytes."""
+    refuse(given(packed=zipped([("operator.npy", array((2**24 + 84**2 + more,)))])), message)
+
+
+def test_a_file_without_a_format_or_a_table_that_is_needed_says_what_is_missing(given, tmp_path):
+    (tmp_path / "parameters.toml").write_text("x = 1\n")
+    refuse(tmp_path, r"parameters.toml: format is missing")
+    with np.load(given() / "cover.npz") as stored:
+        tables = {name: stored[name] for name in stored if name not in ("cells_compliance", "cells_influence")}
+    refuse(given(packed=pack_npz(tables)), r"\[cells\] cover.npz holds no compliance, influence; derive these param")

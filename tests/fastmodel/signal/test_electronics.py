@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastmodel.errors import FastModelError
-from fastmodel.signal.electronics import WTS_0614_34, Electronics, grey_levels
+from fastmodel.signal.electronics import WTS_0614_34, Electronics, describe_calibration, grey_levels
 
 PLAIN = Electronics(rate_hz=100.0, sensitivity=1000.0)
 
@@ -130,3 +130,14 @@ def test_a_characteristic_calibrated_through_the_cover_is_one_of_the_applied_for
 def test_all_faults_are_named(wrong, message):
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(PLAIN, **wrong)
+
+
+def test_a_calibration_is_described_with_its_tip_and_share():
+    through = dataclasses.replace(PLAIN, calibrated="through the cover, tip 0.75 mm")
+    assert describe_calibration(PLAIN) == "counts are a function of the force on the texel"
+    known, unknown = (describe_calibration(dataclasses.replace(through, tip_share=each)) for each in (0.71237, None))
+    for text in (known, unknown):
+        assert text.startswith("counts are a function of the force applied through the cover, tip 0.75 mm (radius of")
+    assert known.endswith("of which the texel under the tip measures 0.7124")
+    assert "is not known" in unknown
+    assert "counts are too low" in unknown

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastmodel.signal.point_spread import Gaussian, Tabulated, build_operator, find_smallest_kernel
+from fastmodel.signal.point_spread import Gaussian, Tabulated, build_operator, find_smallest_kernel, find_tangents
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 
@@ -107,3 +107,47 @@ def test_no_force_is_outside_where_the_kernel_ends_within_the_array(sigma_x, sig
     inside_x = np.minimum(column, WTS.columns - 1 - column) >= gaussian.ksize_x // 2
     inside_y = np.minimum(row, WTS.rows - 1 - row) >= gaussian.ksize_y // 2
     np.testing.assert_allclose(outside[inside_x & inside_y], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("rows", "columns", "dense"), [(20, 25, True), (3, 167, False)])
+def test_up_to_500_texels_have_a_dense_operator(rows, columns, dense):
+    found = build_operator(Gaussian.from_sigma(0.5), TexelArray.grid(rows, columns, 2e-3))
+    assert isinstance(found, np.ndarray) == dense
+
+
+def test_a_large_bent_array_has_the_operator_of_its_tangent_planes():
+    flat, spread = TexelArray.grid(3, 167, 2e-3), Gaussian(sigma_x=0.6, sigma_y=0.9, ksize_x=3, ksize_y=5)
+    angle = np.tile(0.4 * (np.arange(167) - 83), 3)  # neighbours are turned by 23 degrees
+    normals = np.column_stack([np.sin(angle), 0 * angle, np.cos(angle)])
+    centres = 5e-3 * normals + flat.centres * [0, 1, 0]
+    bent = dataclasses.replace(flat, centres=centres, normals=normals)
+    found = build_operator(spread, bent).toarray()
+    np.testing.assert_allclose(found, spread.operator(bent), atol=1e-15)
+    assert np.abs(found - build_operator(spread, flat).toarray()).max() > 0.05
+
+
+@pytest.mark.parametrize(("angle", "along_y"), [(0.9e-6, True), (1.1e-6, False), (0.0, True), (0.3, False)])
+def test_a_texel_that_faces_along_x_to_a_millionth_has_the_y_axis_as_its_tangent(angle, along_y):
+    grid = TexelArray.grid(1, 1, 2e-3)
+    normal = np.array([np.cos(angle), 0.0, np.sin(angle)])
+    (first,), (second,) = find_tangents(dataclasses.replace(grid, normals=normal[None]))
+    expected = [0, 1, 0] if along_y else [np.sin(angle), 0, -np.cos(angle)]
+    np.testing.assert_allclose(first, expected, atol=1e-9)
+    np.testing.assert_allclose(second, np.cross(normal, expected), atol=1e-9)
+
+
+@pytest.mark.parametrize(("mass", "ksize"), [(0.39, 1), (0.41, 3), (0.88, 3), (0.89, 5), (0.99, 5), (0.995, 7)])
+def test_a_kernel_holds_the_share_that_is_asked_for(mass, ksize):
+    """Of exp(-i^2 / 2) over all i, 0.399 are at 0, 0.883 within 1, 0.991 within 2, and 0.9997 within 3."""
+    assert find_smallest_kernel(1.0, mass) == ksize
+
+
+def test_one_width_is_that_of_both_axes_and_a_table_names_its_origin():
+    one, two = Gaussian.from_sigma(0.7), Gaussian.from_sigma(0.7, 1.4)
+    assert (one.sigma_x, one.sigma_y, one.ksize_x) == (0.7, 0.7, one.ksize_y)
+    assert (two.sigma_x, two.sigma_y, two.ksize_x) == (0.7, 1.4, one.ksize_x)
+    assert two.ksize_y == find_smallest_kernel(1.4) > two.ksize_x
+    assert Tabulated(matrix=np.eye(2)).source == "given by the user"
+    for sigma in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match=f"sigma must be positive, not {sigma} pitches"):
+            Gaussian.from_sigma(0.5, sigma)

@@ -213,3 +213,33 @@ def test_bins_of_angles_divide_the_field_of_view_of_an_oblong_array(oblong):
     image[3, 1], image[0, 1] = 64, 128
     np.testing.assert_allclose(found.texels.reshape(4, 3), image)
     assert found.outside == 16 + 256
+
+
+def test_fits_start_at_the_published_values_but_for_widths_that_are_not_published():
+    """A width of 2 mm where none is published; a crosstalk of zero has no logarithm."""
+    assert {name: model.start for name, model in PUBLISHED.items() if model.start} == {
+        "gazebo-ros-tactile": {"distance": 2e-3, "angle": 1.0, "least_force": 0.0},
+        "genesis-taxel": {"crosstalk": 0.3}, "pezzementi-pressure": {"sigma": 2e-3},
+        "pezzementi-depth": {"sigma": 2e-3}, "shimojo-1994": {"depth": 2e-3},
+    }  # fmt: skip
+
+
+def test_models_name_the_input_that_they_use():
+    kinds = {name: model.contact for name, model in PUBLISHED.items() if not name.startswith("report-")}
+    penetration = ("robworksim-later", "opengrasp-2013", "skinsim-2014", "genesis-taxel", "penalty", "mujoco-tactile")
+    maps = ("pezzementi-pressure", "pezzementi-depth", "shimojo-1994", "exact-layer")
+    points = ("tegin-2005", "robworksim-2010", "schunk", "gazebo-ros-tactile", "touch-grid")
+    assert kinds == {
+        **dict.fromkeys(points, "engine's contact points"), **dict.fromkeys(penetration, "rigid penetration"),
+        **dict.fromkeys(maps, "contact map"),
+    }  # fmt: skip
+    assert {model.contact for name, model in PUBLISHED.items() if name not in kinds} == {"engine's contact points"}
+
+
+def test_a_point_between_two_bins_of_angles_belongs_to_the_lower_one(oblong):
+    """Of four rows the second ends straight above the site."""
+    points, normals = np.array([[0.1e-3, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    plate = oblong.plate._replace(points=points, normals=normals, forces=np.array([0.7]), texels=np.zeros(1, int))
+    found = PUBLISHED["touch-grid"].predict(dataclasses.replace(oblong, plate=plate), field_of_view=50.0)
+    assert np.flatnonzero(found.texels).tolist() == [4]
+    assert (found.texels[4], found.outside) == (0.7, 0)

@@ -152,7 +152,8 @@ def test_a_body_of_a_file_is_named_by_its_file():
 @pytest.mark.parametrize(
     ("text", "accepted"),
     [("sphere:radius=0.0101mm", True), ("sphere:radius=0.0099mm", False), ("sphere:radius=499mm", True),
-     ("sphere:radius=501mm", False)],
+     ("sphere:radius=501mm", False), ("box:size=0.01mmx5mmx5mm", True), ("box:size=5mmx0.01mmx5mm", True),
+     ("box:size=5mmx1001mmx5mm", False), ("box:size=1001mmx5mmx5mm", False)],
 )  # fmt: skip
 def test_a_body_is_from_a_fiftieth_of_a_millimetre_to_a_metre_wide(text, accepted):
     if accepted:
@@ -176,7 +177,10 @@ def test_a_text_of_an_indenter_has_at_most_20000_characters():
         ("sphere:radius", ["sphere has no parameter 'radius'"]),
         ("roller:radius=5mm", ["roller needs length"]),
         ("roller:", ["roller needs radius", "roller needs length"]),
-        ("box:size=1mmx1mm", ["box.size: '1mmx1mm' is not 3 values"]),
+        ("box:size=1mmx1mm", ["box.size: '1mmx1mm' is not 3 values; write for example '2mmx2mmx2mm'"]),
+        ("h:size=9mm,bar=1mm", ["h.size: '9mm' is not 2 values; write for example '2mmx2mm'"]),
+        ("mesh:path=x.stl,axis=1mm", ["mesh.axis: '1mm' is not 2 values; write for example '2mm,2mm'"]),
+        ("cone:angle=2mm,radius=4mm", ["cone.angle: 'mm' in '2mm' is not a unit of angle"]),
         ("sphere:radius=0mm", ["write for example sphere:radius=5mm"]),
     ],
 )
