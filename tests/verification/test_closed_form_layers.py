@@ -242,6 +242,15 @@ def test_contacts_that_the_equation_does_not_hold_for_are_refused(shape, options
         closed_form.indent(TWO, shape, **options)
 
 
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [(4, "^4 nodes do not resolve a contact of 0.0201 m radius$"), (16, "^16 nodes .* radius: the error is 1.3$")],
+)
+def test_nodes_that_do_not_resolve_a_contact_are_named(count, words):
+    with pytest.raises(ValueError, match=words):
+        closed_form.indent(stack_layers((1e-3, 1e6, 0.5)), Sphere(radius=1.0), load=100.0, nodes=count)
+
+
 def test_a_wide_punch_would_have_to_pull_on_a_stiff_foil():
     with pytest.raises(ValueError, match="would have to pull"):
         closed_form.indent(STIFF_FOIL, Cylinder(radius=4e-3), depth=1e-5, nodes=96)

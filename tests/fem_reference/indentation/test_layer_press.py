@@ -373,6 +373,41 @@ def test_fields_are_scaled_to_the_force_and_state_how_far_the_top_is_off_the_fac
     assert found.error_estimate["contact_area"] == pytest.approx(2 * 3e-6 / 6e-6)
 
 
+def place_top(points, indenter, depth, misses):
+    """Fields of points of a top that is off an indenter by known lengths, once moved 0.2 mm aside, and of the base."""
+    rows = len(points)
+    moved = np.tile([0.2e-3, 0.0, 0.0], (rows, 1))
+    moved[:, 2] = indenter.gap(points[:, 0] + 0.2e-3, points[:, 1]) - depth + np.array(misses)
+    base = np.column_stack([points, np.zeros(rows)])
+    return CoverFields(
+        position=np.concatenate([base + np.array([0, 0, 2e-3]), base]),
+        displacement=np.concatenate([moved, np.ones((rows, 3))]),
+        stress=np.zeros((2 * rows, 3, 3)), cells=np.zeros((1, 4), int), layer=np.zeros(1, int), axisymmetric=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("axisymmetric", [True, False])
+def test_the_worst_point_of_the_touched_top_counts_where_the_cover_went(axisymmetric, monkeypatch):
+    """Contact to 1 mm from the axis, or within half a diagonal of its points; farther points are off by far more."""
+    depth, points = 0.3e-3, np.array([[-0.2e-3, 0.0], [0.3e-3, 0.0], [0.79e-3, 0.0], [0.81e-3, 0.0], [3e-3, 0.0]])
+    misses = [2e-6, -9e-6, 6e-6, 0.1e-3, 0.2e-3]
+    contact = np.array([[0.0, 0.0, 1.0], [1.0e-3, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    pose = Pose.planar(at=(0.5e-3, -0.4e-3), yaw=0.0 if axisymmetric else 0.6)
+    # Half a diagonal of 1.1 mm: a square for each of two points, at 0 and at 1 mm; the last one bears nothing.
+    area = 2 * 2 * (0.7e-3) ** 2 if not axisymmetric else 1e-6
+    if not axisymmetric:
+        points[2:4, 0] = [1.49e-3, 1.51e-3]
+    fields = replace(place_top(points, BALL, depth, misses), axisymmetric=axisymmetric)
+    one = replace(solve(2.0, depth, (0.5, 0.3, 0.2), area=area), contact=contact, fields=fields)
+    study = GridStudy(solutions=[on_grids(one)])
+    monkeypatch.setattr(layered, "study_nonlinear", lambda *_, **__: study)
+    press = LayerPress(place=Place(array=ARRAY, pose=pose))
+    (found,) = press.solve(make_path(RUBBER, targets=(depth,), fields=True), 0)
+    assert found.fields.error == pytest.approx(9e-6 / depth, rel=1e-6)
+    assert "worst point the touched surface is 3.00% of the depth" in found.assumptions["fields"]
+    assert found.fields.position[0, :2] == pytest.approx(np.array(pose.to_array(*points[0])))
+
+
 def test_forces_on_the_base_that_miss_the_load_are_warned_of(monkeypatch):
     for missing, told in ((0.0009, False), (0.0011, True)):
         one = solve(2.0, 1e-4, (0.5, 0.3, 0.2 - missing))

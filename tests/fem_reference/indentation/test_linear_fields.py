@@ -109,3 +109,23 @@ def test_a_sliding_cover_of_limited_size_needs_a_load_that_mirrors():
     assert state_missing_fields(path, Pose()) == ""
     assert "press its middle or bond its base" in state_missing_fields(path, Pose.planar(at=(1e-3, 0.0)))
     assert len(solve(BOX, Pose(), size=(20e-3, 20e-3), base="sliding").position)
+
+
+def test_shear_away_from_the_axis_is_the_shear_stress_of_the_top():
+    """In proportion to the distance from the axis, without pressure; the fields are along x from the axis."""
+    pin, slope = Cylinder(radius=8e-3), 4e3 / 8e-3
+    cover = make_cover(NU, "linear-elastic", thickness=THICKNESS)
+    path = LoadingPath(cover=cover, indenter=pin, targets=(DEPTH,), control="depth", friction=0.3)
+    radius = lay_contact(pin)[:, 0]
+    shear = slope * radius * 2 * np.pi * radius * 8e-3 / 500
+    angle = 0.7 * np.arange(500)
+    c, s = np.cos(angle), np.sin(angle)
+    contact = np.column_stack([radius * c, radius * s, 0 * c, shear * c, shear * s])
+    fields = solve_linear_fields(path, contact, Place(array=ARRAY, pose=Pose()), DEPTH)
+    top = fields.position[:, 2] > THICKNESS * (1 - 1e-9)
+    x = fields.position[:, 0]
+    inside = top & (x > 2e-3) & (x < 6e-3)
+    assert inside.sum() > 5
+    assert fields.stress[inside, 0, 2] == pytest.approx(slope * x[inside], rel=0.1)
+    assert (fields.displacement[inside, 0] > 0).all()
+    assert np.abs(fields.stress[inside, 2, 2]).max() < 0.1 * slope * 6e-3

@@ -11,6 +11,7 @@ from fem_reference import result_store
 from fem_reference.errors import UnsupportedError
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import rubbing, small_strain
+from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length, membrane_length
 from meshes import Box, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose
@@ -169,3 +170,14 @@ def test_shear_that_is_not_resolved_is_refused(cover, indenter, pose, word, monk
     path = LoadingPath(cover=cover, indenter=indenter, targets=(0.1,), control="load", friction=0.4)
     with pytest.raises(UnsupportedError if word else PassedError, match=word):
         rubbing.study_path(path, Place(array=TexelArray.grid(3, 3, 3e-3), pose=pose), None)
+
+
+def test_the_response_of_the_base_has_its_shear_on_all_grids(monkeypatch):
+    radius = np.linspace(0, 1e-2, 9)
+    plain = PointSpread(radius=radius, pressure_per_force=np.ones(9), reaction=1.0, thickness=2e-3)
+    finest = replace(plain, reaction=0.9, coarse=(plain, replace(plain, reaction=0.8)))
+    monkeypatch.setattr(small_strain, "respond", lambda *_: finest)
+    monkeypatch.setattr(rubbing, "spread_shear", lambda cover: ("shear of", cover))
+    response = study(ONE, PIN, np.inf, 0.1e-3).solutions[0][0].base.parts[0][1].response
+    assert [each.reaction for each in response.on_grids] == [1.0, 0.8, 0.9]
+    assert [each.shear for each in response.on_grids] == [("shear of", ONE)] * 3
