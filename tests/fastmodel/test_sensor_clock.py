@@ -1,5 +1,6 @@
 """When a sensor samples and makes frames, what it leaves out, and with which values it starts."""
 
+import copy
 import dataclasses
 import re
 import warnings
@@ -305,3 +306,19 @@ def test_the_noise_continues_over_a_reset_that_follows_another_timestep():
     assert (show(sensor, model, data) != first).any()
     sensor.reset(seed=0)
     np.testing.assert_array_equal(show(sensor, model, data), first)
+
+
+@pytest.mark.parametrize("kind", ["twin", "copy", "unbound copy"])
+def test_twins_and_copies_sample_as_often_as_their_sensor(kind):
+    sensor, model, data = build(every=4, name="pad")
+    if kind == "twin":
+        other = bind(sensor.twin(), model)
+    else:
+        other = copy.deepcopy(sensor if kind == "copy" else sensor.twin())
+        other = other if kind == "copy" else bind(other, model)
+    assert (other.name, other.parameters is sensor.parameters) == ("pad", kind == "twin")
+    for _ in range(30):
+        advance(model, data)
+        assert sensor.step(data) == other.step(data)
+        assert sensor.carried() == other.carried()
+    assert sensor.carried() > 0

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, sosfreqz
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from fastmodel import Butterworth, Electronics, FastModelError, Gaussian, Parameters
@@ -388,3 +389,21 @@ def test_a_name_that_the_format_uses_is_no_name_of_a_table():
     for name in ("operator", "cells_compliance", "curved_points"):
         with pytest.raises(ParametersError, match=f"must not be named '{name}'"):
             Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.5), electronics=ELECTRONICS, tables={name: np.eye(2)})
+
+
+def test_arrays_of_numpy_and_sparse_constants_follow_another_library():
+    strict = open_module("strict")
+    like = strict.zeros(3, dtype=strict.float32)
+    for given in (np.array([1.0, 2.0, 3.0]), [1, 2, 3]):
+        found = check_floats("x", given, like, (3,))
+        assert (type(found), found.dtype) == (type(like), strict.float32)
+        np.testing.assert_array_equal(np.asarray(found), [1, 2, 3])
+    sparse = convert(csr_array(np.diag([0.5, 0.0, 0.25])), like)
+    assert (type(sparse), sparse.dtype) == (type(like), strict.float32)
+    np.testing.assert_array_equal(np.asarray(sparse), np.diag([0.5, 0.0, 0.25]))
+    kept = csr_array(np.eye(2))
+    assert convert(kept, np.zeros(2)) is kept
+    with pytest.raises(FastModelError, match="x is an array of array_api_strict; convert it to one of numpy"):
+        check_floats("x", like, np.zeros(3))
+    with pytest.raises(FastModelError, match=r"x has shape \(3,\); give shape \(2,\)"):
+        check_floats("x", np.ones(3), like, (2,))

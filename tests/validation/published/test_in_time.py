@@ -141,3 +141,9 @@ def test_a_damper_of_genesis_changes_no_force_under_a_given_load():
 def test_models_with_a_term_in_time_say_so_in_words():
     for model in PUBLISHED.values():
         assert not model.terms or model.in_time
+
+
+@pytest.mark.parametrize("term", [mean_of(10, 1e-3), mean_between(10e-3)])
+def test_a_mean_over_less_than_a_step_is_the_sample(term):
+    forces = np.random.default_rng(3).normal(size=(7, 2))
+    assert term(forces, 50e-3) == pytest.approx(forces)

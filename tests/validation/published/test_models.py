@@ -243,3 +243,46 @@ def test_a_point_between_two_bins_of_angles_belongs_to_the_lower_one(oblong):
     found = PUBLISHED["touch-grid"].predict(dataclasses.replace(oblong, plate=plate), field_of_view=50.0)
     assert np.flatnonzero(found.texels).tolist() == [4]
     assert (found.texels[4], found.outside) == (0.7, 0)
+
+
+@pytest.mark.parametrize(("modulus", "mask"), [(2e3, 1.0), (9e4, 0.7), (3e6, 1.6)])
+@pytest.mark.parametrize("which", ["scene", "oblong"])
+def test_robworksim_searches_in_19_steps_at_most(request, which, modulus, mask):
+    """On a soft cover the search ends at 0.95 mm, on a stiff one at its first steps."""
+    press = request.getfixturevalue(which)
+    texels, outside = PUBLISHED["robworksim-later"].predict(press, modulus=modulus, mask=mask)
+    np.testing.assert_allclose(texels, robwork_code(press, modulus, mask), rtol=1e-9, atol=1e-12)
+    assert outside == 0
+
+
+def test_the_springs_of_skinsim_lose_what_the_kernel_spreads_beyond_the_array(oblong):
+    values = {"stiffness": 3e3, "amplitude": 0.2, "sigma": 2.5e-3}
+    texels, outside = PUBLISHED["skinsim-2014"].predict(oblong, **values)
+    springs, _ = PUBLISHED["penalty"].predict(oblong, stiffness=3e3)
+    around = np.zeros((6, 5))
+    for (row, column), force in np.ndenumerate(springs.reshape(4, 3)):
+        for i, j in np.ndindex(3, 3):
+            square = ((i - 1) * 3e-3) ** 2 + ((j - 1) * 2e-3) ** 2
+            around[row + i, column + j] += 0.2 * np.exp(-square / (2 * 2.5e-3**2)) * force
+    np.testing.assert_allclose(texels.reshape(4, 3), around[1:-1, 1:-1])
+    assert outside == pytest.approx(around.sum() - around[1:-1, 1:-1].sum())
+    assert outside > 0.1
+
+
+@pytest.mark.parametrize("most", [1e6, 20.0])
+def test_the_mean_of_schunk_loses_force_at_the_edges_and_none_where_texels_saturate(oblong, most):
+    texels, outside = PUBLISHED["schunk"].predict(oblong, counts_per_newton=350.0, most_counts=most)
+    binned, _ = PUBLISHED["tegin-2005"].predict(oblong)
+    kept = np.outer([2, 3, 3, 2], [2, 3, 2]).ravel() / 9  # of nine texels around each one, those on the array
+    assert outside == pytest.approx(binned @ (1 - kept))
+    assert outside > 0.3
+    if most > 1e3:
+        assert texels.sum() + outside == pytest.approx(binned.sum())
+    else:
+        assert texels.max() == pytest.approx(most / 350)
+
+
+def test_forces_shared_by_weights_of_unit_sum_stay_on_the_texels(oblong):
+    values = {"distance": 1.5e-3, "angle": 0.5, "least_force": 0.0}
+    texels, outside = PUBLISHED["gazebo-ros-tactile"].predict(oblong, **values)
+    assert (texels.sum(), outside) == (pytest.approx(oblong.contacts.forces.sum()), 0)

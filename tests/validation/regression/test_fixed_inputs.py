@@ -11,7 +11,15 @@ from scipy.special import ndtr
 from fastmodel import Butterworth, Electronics, Gaussian, Parameters
 from meshes import TexelArray
 from validation.regression import experiments, made_up
-from validation.regression.experiments import make_oblong, measure_letter, measure_noise, measure_reset, press_edge
+from validation.regression.experiments import (
+    make_oblong,
+    measure_characteristic,
+    measure_frames,
+    measure_letter,
+    measure_noise,
+    measure_reset,
+    press_edge,
+)
 from validation.regression.made_up import make_recording
 from validation.regression.reading import Subject
 
@@ -224,3 +232,10 @@ def test_made_up_scores_are_decided_where_the_cases_suffice_and_nothing_is_missi
     for name, (mean, low, high) in means.items():
         assert mean == pytest.approx(0.04 if name.startswith("four") else 0.038)
         assert low < mean < high
+
+
+@pytest.mark.parametrize("measure", [measure_characteristic, measure_frames])
+def test_frames_and_characteristic_do_not_depend_on_the_filter(measure):
+    """Its cut-off is above half of the frame rate, so that it could not run at that rate."""
+    found = [measure(Subject(parameters=replace(SMALL, filter=each))) for each in (None, Butterworth(cutoff_hz=30.0))]
+    assert found[0] == found[1]

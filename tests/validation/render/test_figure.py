@@ -111,6 +111,9 @@ def test_texels_off_a_grid_are_rectangles_of_their_size_in_millimetres():
     drawn = draw_texels(axes, array, np.array([0.5, 0.2, 0.1]), Scale(peak=0.5), title="squares")
     for path in drawn.get_paths():
         np.testing.assert_allclose(np.ptp(path.vertices, axis=0), (1.5, 2.5), atol=1e-9)
+    middles = np.array([(path.vertices.min(axis=0) + path.vertices.max(axis=0)) / 2 for path in drawn.get_paths()])
+    np.testing.assert_allclose(middles - middles[0], [(0, 0), (3, 1), (-1, 4)], atol=1e-9)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("unrolled x [mm]", "unrolled y [mm]")
     assert to_hex(drawn.get_edgecolors()[0]) == "#ffffff"
     assert 0 < drawn.get_linewidths()[0] < 1
     assert (axes.get_title(), axes.get_aspect()) == ("squares", 1.0)
