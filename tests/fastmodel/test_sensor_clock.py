@@ -322,3 +322,17 @@ def test_twins_and_copies_sample_as_often_as_their_sensor(kind):
         assert sensor.step(data) == other.step(data)
         assert sensor.carried() == other.carried()
     assert sensor.carried() > 0
+
+
+def test_a_sensor_that_is_not_found_under_other_names_stays_bound_as_it_was():
+    sensor, model, data = build()
+    advance(model, data)
+    sensor.step(data)
+    for options in ({"prefix": "left_"}, {"suffix": "_1"}):
+        with pytest.raises(LifeCycleError):
+            sensor.bind(model, **options)
+        advance(model, data)
+        sensor.step(data)
+        assert sensor.texel_poses(data).positions.shape == (84, 3)
+        sensor.check(model)
+    assert sensor.get_state()["clock"][0] == 3

@@ -11,10 +11,11 @@ import pytest
 
 import fastmodel
 from fastmodel import RangeWarning
+from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import ParametersError
 from fastmodel.validity import Validity, describe_end, describe_limits, describe_offset, find_offset, goes_on
-from meshes import Box, Sphere
+from meshes import Box, Sphere, TexelArray
 from tests.support.scenes import make_spec, run, simulate
 
 PARAMETERS = fastmodel.load("wts-0614-34")
@@ -166,3 +167,50 @@ def test_the_range_survives_saving_and_is_optional(tmp_path):
     assert 'validity = "not stated"' in text
     (tmp_path / "parameters.toml").write_text(text.replace('validity = "not stated"\n', ""))
     assert fastmodel.load(tmp_path).validity is None
+
+
+class TurnedReader(BoxReader):
+    """Boxes whose pressure has a torque of its own, and lacks the force times an arm of MuJoCo's torque."""
+
+    arm = 0.0
+
+    def at_rest(self, forces):
+        return super().at_rest(forces)._replace(torques=np.zeros(6))
+
+    def read(self, data):
+        found = super().read(data)
+        missed = found.carried * self.arm * np.array([0.6, -0.8, 0.0])
+        return found._replace(torques=np.concatenate([found.carried * np.array([1e-3, 2e-3, 3e-3]), missed]))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Turned(fastmodel.BoxTexels):
+    arm: float = 0.0
+
+    def bind(self, model, array, name, *, surface=None):
+        reader = TurnedReader(model, array, name)
+        reader.arm = self.arm
+        return reader
+
+
+@pytest.mark.parametrize(("arm", "warned"), [(0.99e-3, 0), (1.01e-3, 1)])
+@pytest.mark.parametrize("pitch", [(2e-3, 3e-3), (3e-3, 2e-3)])
+def test_a_centre_of_pressure_off_by_half_of_the_smaller_pitch_is_warned_of_once(pitch, arm, warned):
+    array = TexelArray.grid(3, 3, pitch)
+    parameters = dataclasses.replace(PARAMETERS, array=array, surface=None, validity=None, tables={})
+    spec = make_spec(timestep=2e-3)
+    sensor = fastmodel.attach(spec, "world", parameters, contact=Turned(arm=arm), every=1)
+    fastmodel.add_indenter(spec, Sphere(radius=4e-3), 2.0)
+    model, data = simulate(spec, sensor, 0)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run(sensor, model, data, 60)
+    assert [each.category for each in caught] == [RangeWarning] * warned
+    assert all(re.search("sensor 'sensor': .*centre of pressure lies 1 mm from", str(each.message)) for each in caught)
+    frame, load = sensor.frame(), sensor.carried()
+    assert load == pytest.approx(2.0, rel=1e-2)
+    np.testing.assert_allclose(frame.pressure_torque, load * np.array([1e-3, 2e-3, 3e-3]))
+    np.testing.assert_allclose(frame.missed_torque, load * arm * np.array([0.6, -0.8, 0.0]))
+    assert frame.net_force[2] == pytest.approx(-load)
+    assert np.abs(frame.net_torque).max() < 1e-3 * load
+    assert frame.tangential.shape == (9, 2)
