@@ -370,7 +370,16 @@ def test_calibrated_recordings_are_read(monkeypatch, written):
     }
     ((data_set, array),) = written.sets
     assert (array.rows, array.columns, array.pitch, np.flatnonzero(~array.active).tolist()) == (6, 5, (4e-3, 4e-3), [0])
-    assert data_set.name == "made up"
+    assert (data_set.name, data_set.problems) == ("made up", ())
+    kinds = {(each.series, each.window, each.threshold) for each in data_set.files}
+    assert kinds == {("first", (3.0, 5.0), 60.0), ("second", (5.0, 8.0), 60.0)}
+    placements = [each.placement for each in data_set.files]
+    assert {(each.indenter.size, each.yaw, each.at) for each in placements} == {((8e-3, 12e-3, 5e-3), 0.0, None)}
+    (split,) = data_set.splits
+    parts = [[(each.series, each.least, each.most) for each in part] for part in (split.fit, split.place, split.score)]
+    assert parts == [
+        [("first", None, None)], [("second", 5.5, 5.5)], [("second", None, 4.0), ("second", 7.0, None)],
+    ]  # fmt: skip
     assert asked == [(["first 0.csv", "second 1.csv"], [3.0, 3.0])]
     assert flatten(found["images"]) == {"first 0.csv": 7e3, "second 1.csv": 7e3}
     assert flatten(found["faults of recordings"]) == {"": 1.0}
@@ -380,6 +389,14 @@ def test_calibrated_recordings_are_read(monkeypatch, written):
     assert flatten(found["poses"]) == {"first, x": (1e-3, 2e-3)}
     assert flatten(found["left-out recordings"]) == {"": 1.25}
     assert flatten(found["electronics"]) == {"sensitivity": 1999.0}
+    # one more fault is a change; gains are compared by their largest, 1.29 and 0.029, and the rest each by itself
+    assert {name: (each.unit, each.relative, each.tolerance) for name, each in found.items()} == {
+        "images": ("counts", True, 0.001), "faults of recordings": ("-", False, 0.5),
+        "estimates": ("value and interval", True, 0.005), "gains": ("-", False, pytest.approx(0.00645, abs=1e-4)),
+        "half widths of gains": ("-", False, pytest.approx(5.8e-4)),
+        "poses": ("value and half width, SI", True, 0.01), "left-out recordings": ("% of white", True, 0.01),
+        "electronics": ("of a sensor file", True, 0.005),
+    }  # fmt: skip
 
 
 def make_scores():
@@ -434,3 +451,8 @@ def test_scored_recordings_are_read_and_judged(monkeypatch, written):
         "at most -0.2 % behind": (-1, -1), "at most 0.03 % behind": (-1, 1), "at most 0.3 % behind": (1, 1),
     }  # fmt: skip
     assert flatten(found["faults"]) == {"": 2.0}
+    others = {name: (each.relative, each.tolerance) for name, each in list(found.items())[3:]}
+    assert others == {
+        "behind the best null": (False, 0.01), "parameters": (True, 0.01), "electronics": (True, 0.01),
+        "uncertainties": (True, 0.02), "verdict": (False, 0.5), "faults": (False, 0.5),
+    }  # fmt: skip
