@@ -8,6 +8,8 @@ import pytest
 from fastmodel import WTS_0614_34, Butterworth, Electronics, FastModelError, Gaussian, Parameters
 from fastmodel.errors import ParametersError
 from fastmodel.parameters import NPZ_NAME, TOML_NAME, load
+from fastmodel.signal.creep import Creep
+from fastmodel.signal.frame import Frame
 from fastmodel.signal.point_spread import Tabulated
 from fastmodel.validity import Validity
 from meshes import TexelArray
@@ -176,3 +178,35 @@ def test_a_pair_whose_text_was_not_replaced_yet_is_read_from_the_copy(tmp_path):
     make(tables={"own": np.arange(5.0)}).save(tmp_path)
     assert not copy.exists()
     assert len(load(tmp_path).tables["own"]) == 5
+
+
+FRAME = Frame(time=0.25, counts=np.arange(6), image=np.zeros((2, 3), np.uint8))
+FILTER, TABLE = Butterworth(cutoff_hz=9.0), Tabulated(matrix=np.eye(6))
+
+
+@pytest.mark.parametrize("part", [make(), SPREAD, TABLE, ELECTRONICS, FILTER, FRAME, Creep(0.1)], ids=type)
+def test_parts_cannot_be_changed_and_their_values_are_given_by_name(part):
+    names = [each.name for each in dataclasses.fields(part)]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(part, names[0], getattr(part, names[0]))
+    if len(names) > 1:
+        with pytest.raises(TypeError, match="positional"):
+            type(part)(*(getattr(part, name) for name in names))
+
+
+@pytest.mark.parametrize("part", [make(), TABLE, FRAME], ids=type)
+def test_parts_with_arrays_are_equal_to_themselves_only(part):
+    assert part == part  # noqa: PLR0124 -- without a comparison of arrays
+    assert part != dataclasses.replace(part)
+    assert len({part, dataclasses.replace(part)}) == 2
+
+
+def test_a_frame_of_a_real_sensor_has_counts_and_an_image_alone():
+    given = ("time", "counts", "image", "tangential_source")
+    assert {name: value for name, value in vars(FRAME).items() if name not in given} == dict.fromkeys(
+        ("texel_forces", "texel_area", "net_force", "net_torque", "pressure_torque", "missed_torque", "tangential",
+         "outside")
+    )  # fmt: skip
+    assert (FRAME.tangential_source, FRAME.pressures) == ("", None)
+    assert not FRAME.counts.flags.writeable
+    assert not FRAME.image.flags.writeable

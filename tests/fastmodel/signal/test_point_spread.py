@@ -151,3 +151,8 @@ def test_one_width_is_that_of_both_axes_and_a_table_names_its_origin():
     for sigma in (0.0, -1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match=f"sigma must be positive, not {sigma} pitches"):
             Gaussian.from_sigma(0.5, sigma)
+
+
+def test_a_kernel_wider_than_a_large_array_is_cut_off_at_its_edges():
+    array, spread = TexelArray.grid(3, 170, 2e-3), Gaussian(sigma_x=0.8, sigma_y=2.5, ksize_x=5, ksize_y=11)
+    np.testing.assert_allclose(build_operator(spread, array).toarray(), spread.operator(array), atol=1e-15)

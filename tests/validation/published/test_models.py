@@ -13,7 +13,7 @@ from tests.validation.published.equations.penetration import robwork_code
 from tests.validation.published.equations.table import integrate_texels
 from validation.campaign.case import Case
 from validation.published.model import foundation_stiffness
-from validation.published.models import choose_calibration
+from validation.published.models import CalibrationPress, ComparisonModels, Row, choose_calibration
 from validation.published.rules import PUBLISHED
 from validation.published.rules.penetration import robwork_mask
 from validation.published.rules.pressure_map import half_space_shares
@@ -286,3 +286,37 @@ def test_forces_shared_by_weights_of_unit_sum_stay_on_the_texels(oblong):
     values = {"distance": 1.5e-3, "angle": 0.5, "least_force": 0.0}
     texels, outside = PUBLISHED["gazebo-ros-tactile"].predict(oblong, **values)
     assert (texels.sum(), outside) == (pytest.approx(oblong.contacts.forces.sum()), 0)
+
+
+def test_terms_in_time_are_named_by_their_settings():
+    """One row of the report has all settings of its filter, and the other rows the first one."""
+    report = ["order 5, 20 Hz", "order 5, 8 Hz", "order 2, 5 Hz", "order 2, 2 Hz"]
+    assert {name: list(model.terms) for name, model in PUBLISHED.items() if model.terms} == {
+        **{f"report-{name}": report[:1] for name in ("0.5-3x3", "0.8-3x3", "1-3x5", "1-5x5")},
+        "report-0.8-5x5": report, "tegin-2005": ["y = 0.1 f + 0.9 y every 2.5 ms"],
+        "schunk": ["mean of 10 samples of 1 ms"], "gazebo-ros-tactile": ["mean between two reads, 100 Hz"],
+        "robworksim-later": ["tau 0.1 s, dt 1 ms"],
+        "skinsim-2014": ["spring 16.37 N/m, damper 0.130 N s/m, mass 1 g"],
+        "genesis-taxel": ["no hysteresis", "hysteresis 0.5, 0.1 s"],
+    }  # fmt: skip
+
+
+PENALTY = PUBLISHED["penalty"]
+PRESS = CalibrationPress(scene=None, reference=None)
+ROWS = (Row(model=PENALTY, parameters={}), ComparisonModels(rows=(), response=None), PRESS, PENALTY)
+
+
+@pytest.mark.parametrize("part", [*ROWS, PENALTY.parameters["stiffness"]], ids=lambda part: type(part).__name__)
+def test_rows_and_models_cannot_be_changed_and_are_made_by_name(part):
+    names = [each.name for each in dataclasses.fields(part)]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(part, names[0], getattr(part, names[0]))
+    with pytest.raises(TypeError, match="positional"):
+        type(part)(*(getattr(part, name) for name in names))
+    assert (part == dataclasses.replace(part)) == (part not in ROWS)  # those that hold arrays are not compared
+
+
+def test_a_scene_cannot_be_changed_and_is_equal_to_itself_only(scene):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        scene.case = scene.case
+    assert scene != dataclasses.replace(scene)

@@ -139,3 +139,10 @@ def test_forces_beside_the_array_are_in_no_bin():
     array = TexelArray.grid(2, 3, (2e-3, 1e-3))
     points = np.array([[-2.9e-3, -0.9e-3], [2.9e-3, 0.9e-3], [3.1e-3, 0.0], [0.0, -1.1e-3]])
     np.testing.assert_allclose(bin_on_texels(array, points, np.array([1.0, 2, 4, 8])), [1, 0, 0, 0, 0, 2])
+
+
+def test_the_plate_is_as_wide_and_high_as_the_array(press):
+    """84 texels of 3.4 mm in 6 columns and 14 rows: a ball stands 1 mm from the corner of 10.2 mm x 23.8 mm."""
+    scene = press(Case.read("ball", "sphere:radius=5mm", "1.5 N", at="9.2mm,22.8mm"))
+    assert scene.plate.pushes.sum() == pytest.approx(1.5, rel=1e-3)
+    np.testing.assert_allclose(scene.plate.points[:, :2], np.tile([9.2e-3, 22.8e-3], (len(scene.plate.points), 1)))

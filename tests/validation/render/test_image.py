@@ -7,9 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meshes import TexelArray
+from meshes import Pose, TexelArray
 from meshes.solids.texels import cylinder_texels
 from validation.render.image import Scale, choose_ink, find_outline, shorten, tactile_image, unroll
+from validation.render.table import Cell
+from validation.report.figures import Pictures
+from validation.scene.cover_scene import CoverScene
 
 VOLTS = Scale(peak=2.0, unit="V", factor=1.0)
 
@@ -129,3 +132,25 @@ def test_the_outline_is_the_hull_of_the_points_that_bear_force():
     assert find_outline(array, press_at((1, 1, (0, 0, 0)))).shape == (0, 2)
     tilted = dataclasses.replace(array, normals=np.array([[0.6, 0, 0.8], *array.normals[1:].tolist()]))
     assert find_outline(tilted, square) is None
+
+
+@pytest.mark.parametrize("part", [VOLTS, Cell(text="a", value=2.0), Pictures(missing="b")], ids=type)
+def test_scales_cells_and_pictures_cannot_be_changed_and_are_equal_by_value(part):
+    names = [each.name for each in dataclasses.fields(part)]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(part, names[0], getattr(part, names[0]))
+    with pytest.raises(TypeError, match="positional"):
+        type(part)(*(getattr(part, name) for name in names))
+    assert part == dataclasses.replace(part)
+
+
+def test_a_scene_of_a_cover_cannot_be_changed_and_is_equal_to_itself_only():
+    scene = CoverScene(position=np.eye(4, 3), displacement=np.zeros((4, 3)), cells=np.arange(4)[None], thickness=1e-3)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        scene.thickness = 2e-3
+    assert scene != dataclasses.replace(scene)
+    bare = {name: value for name, value in vars(scene).items() if name not in ("position", "displacement", "cells")}
+    labels = dict.fromkeys(("surface_label", "inside_label", "title"), "")
+    nothing = dict.fromkeys(("surface", "inside", "texels", "texel_forces", "touched", "indenter", "layer"))
+    others = {"thickness": 1e-3, "logarithmic": False, "pose": Pose(), "layers": (), "limits": np.inf}
+    assert bare == labels | nothing | others

@@ -162,9 +162,9 @@ def test_a_row_of_texels_is_as_high_as_its_axes_and_has_at_most_seven_marks(colu
 
 
 def test_a_figure_has_its_size_in_inches_and_the_format_of_its_name(tmp_path):
-    with open_figure(tmp_path / "new" / "x.svg", height=2.0, width=3.5) as figure:
+    with open_figure(tmp_path / "new" / "er" / "x.svg", height=2.0, width=3.5) as figure:
         assert figure.get_size_inches().tolist() == [3.5, 2.0]
-    assert 'width="252pt" height="144pt"' in (tmp_path / "new" / "x.svg").read_text()
+    assert 'width="252pt" height="144pt"' in (tmp_path / "new" / "er" / "x.svg").read_text()
     with open_figure(tmp_path / "x.png", height=1.0) as figure:
         assert figure.get_size_inches().tolist() == [7.2, 1.0]
     content = (tmp_path / "x.png").read_bytes()

@@ -251,7 +251,7 @@ def test_a_cover_with_texels_on_several_sides_is_seen_from_where_the_load_comes(
         check_camera(each, view, each.ruled)
     _, base = texels.meshes
     np.testing.assert_allclose(base.bounds, 0.999 * np.array([-6, 6, -4, 4, 0, 8]), atol=1e-5)
-    assert 0 < base.opacity < 0.3  # texels on the far side are seen through the cover
+    assert 0.05 < base.opacity < 0.2  # texels on the far side are seen through the cover
     assert texels.edges.titles[2] == "z [mm]"
     assert texels.edges.shown
     # the section contains the direction of the load; its half lies behind it as seen by the camera
