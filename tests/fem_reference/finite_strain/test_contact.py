@@ -98,3 +98,42 @@ def test_pressures_along_normals_hold_back_a_surface_of_any_slope():
         forces = found.force[: elements.displacements].reshape(-1, 3).sum(axis=0)
         assert forces == pytest.approx(50.0 * overlap * points.weight.sum() * normal / 0.8)
     assert press(-0.5 * normal).total == 0
+
+
+@pytest.mark.parametrize(("pressure", "factor"), [(0.0, 1.0), (9.0, 1.0), (25.0, 2.5)])
+def test_the_penalty_grows_with_pressures_above_ten_moduli_unless_there_is_friction(pressure, factor):
+    for friction, expected in ((0.0, factor), (0.3, 1.0)):
+        elements, contact = block(friction)
+        state = np.zeros(elements.displacements + elements.pressures)
+        plain = contact.evaluate(state, 0.2).total
+        contact.stiffen(60.0)
+        contact.stiffen(pressure)
+        assert contact.evaluate(state, 0.2).total == pytest.approx(expected * plain)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "ahead"),
+    [
+        ((0.05, 0.02), 0.02 / 0.3),  # the gap closes by 0.3 per depth
+        ((0.05, 0.049), 0.2),  # no more than twice the last step
+        ((0.05, 0.06), 0.0),  # it opens
+    ],
+)
+def test_a_point_first_touches_where_its_motion_leads(gaps, ahead):
+    """A flat indenter at the depths 0.1, 0.2 and 0.3; the top moves along x by 0, 0.03 and 0.07 meanwhile."""
+    elements, contact = block(np.inf)
+
+    def move(depth, along, gap):
+        state = np.zeros(elements.displacements + elements.pressures)
+        state[: elements.displacements].reshape(-1, 3)[:] = [along, 0.0, -gap - depth]
+        return contact.evaluate(state, depth)
+
+    for depth, along, gap in ((0.1, 0.0, gaps[0]), (0.2, 0.03, gaps[1])):
+        found = move(depth, along, gap)
+        assert found.gap == pytest.approx(np.full_like(found.gap, gap))
+        contact.record_slip(found)
+    touched = move(0.3, 0.07, -0.05)
+    predicted = 0.03 + ahead * 0.03 / 0.1
+    normal = touched.pressure / 0.05
+    assert touched.traction[..., 0] == pytest.approx(normal * (0.07 - predicted))
+    assert np.abs(touched.traction[..., 1:]).max() < 1e-12

@@ -117,3 +117,41 @@ def test_cells_are_scaled_about_their_middle_to_the_area_of_a_face():
     np.testing.assert_allclose(scaled.unscaled, (grid.x, grid.y))
     with pytest.raises(ValueError, match=r"no cell of 5e\+02 mm has its middle"):
         grid.match_area(lambda x, _y: np.full(x.shape, np.inf), face)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_first_number_of_cells_that_fits_all_edges_is_taken_or_the_best_one(seed):
+    """Up to a fifth more cells, each edge within a fiftieth of a cell."""
+    rng = np.random.default_rng(seed)
+    places = np.sort(rng.uniform(0.05, 0.95, 1 + seed % 3))
+    face = make_face([1e-3, 1e-3], [1e-3, 1e-3], places)
+    found, other = choose_counts(np.array([1e-3, 1e-3]), face, THICK, 112)
+    tried = range(112, 135)
+    misses = [max(abs(n * e - round(n * e)) for e in places) for n in tried]
+    fits = [n for n, miss in zip(tried, misses, strict=True) if miss < 0.02]
+    assert found == (fits[0] if fits else tried[int(np.argmin(misses))])
+    assert other == 112
+
+
+@pytest.mark.parametrize(("neck", "wall"), [(5e-3, 10e-3), (6e-3, 1e-3)])
+def test_walls_on_less_than_a_tenth_of_a_face_do_not_count(neck, wall):
+    """A bar of 10 mm x 5 mm with a neck 1 mm wide, on 1 / 11 or on 6 / 56 of the face."""
+    outline = [(-5, 0), (5, 0), (5, 5), (0.5, 5), (0.5, 5 + 1e3 * neck), (-0.5, 5 + 1e3 * neck), (-0.5, 5), (-5, 5)]
+    face = measure(Prism(points=tuple((1e-3 * x, 1e-3 * y) for x, y in outline)))
+    assert face.walls[0] == pytest.approx(wall, rel=0.02)
+    assert face.area == pytest.approx(50e-6 + 1e-3 * neck, rel=2e-3)
+
+
+@pytest.mark.parametrize(("step", "found"), [(0.4e-3, False), (0.6e-3, True)])
+def test_a_step_of_more_than_a_twentieth_of_the_width_is_an_edge(step, found):
+    """A bar of 10 mm x 8 mm whose right half is lower."""
+    outline = ((-5e-3, 0.0), (5e-3, 0.0), (5e-3, 8e-3 - step), (1e-3, 8e-3 - step), (1e-3, 8e-3), (-5e-3, 8e-3))
+    outline = tuple((x, 10 / 8 * y) for x, y in outline)
+    edges = measure(Prism(points=outline)).edges[0]
+    assert (np.abs(edges - 0.6).min(initial=1.0) < 2e-3) == found
+
+
+def test_an_edge_that_is_spread_over_samples_is_none():
+    """The slanted side of a trapezoid changes the width as much as a step, over many samples."""
+    face = measure(Prism(points=((-5e-3, 0.0), (5e-3, 0.0), (2e-3, 8e-3), (-5e-3, 8e-3))))
+    assert not any(0.01 < edge < 0.99 for each in face.edges for edge in each)
