@@ -105,13 +105,16 @@ def take_array(
         like: An array of the expected shape and type; None for any.
 
     Raises:
-        FastModelError: If the array is missing or has another shape.
+        FastModelError: If the array is missing or has another shape, or is not finite where whole numbers are stored.
     """
     if name not in state:
         raise FastModelError(f"state: {name!r} is missing; give a dict as Sensor.get_state() returns it")
     if like is None:
         return np.array(state[name])
-    array = np.array(state[name], dtype=like.dtype)
+    given = np.asarray(state[name])
+    if like.dtype.kind in "iu" and given.dtype.kind == "f" and not np.isfinite(given).all():
+        raise FastModelError(f"state: {name!r} is not finite")
+    array = np.array(given, dtype=like.dtype)
     if array.shape != like.shape:
         raise FastModelError(f"state: {name!r} has shape {array.shape}; this sensor has {like.shape}")
     return array

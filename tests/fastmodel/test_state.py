@@ -213,6 +213,13 @@ def test_a_state_that_does_not_fit_leaves_the_sensor_as_it_was():
     for change, message in (
         ({"chain/play": np.zeros(3)}, "this sensor has"),
         ({"reading/type": np.array("SensorWithAnotherName")}, "not one of"),
+        ({"reading/carried": np.array(np.nan)}, "reading or frame is not complete or not finite"),
+        ({"reading/carried": np.array(np.inf)}, "reading or frame is not complete or not finite"),
+        ({"frame/counts": np.full(84, np.nan)}, "'frame/counts' is not finite"),
+        ({"frame/counts": np.full(84, np.inf)}, "'frame/counts' is not finite"),
+        ({"reading/type": np.array("Frame")}, "state: "),
+        ({"frame/type": np.array("Reading")}, "state: "),
+        ({"method": np.array("BoxReader")}, "it belongs to a sensor with a BoxReader; this sensor has a "),
         ({"contact/last": np.zeros(4)}, "state"),
         ({"contact/reach": np.array("far")}, "state"),
         ({"chain/noise": np.array(["a"] * 6)}, "state"),
