@@ -1,6 +1,7 @@
 import copy
 import dataclasses
 import pickle
+import warnings
 
 import mujoco
 import numpy as np
@@ -238,3 +239,21 @@ def test_a_state_that_does_not_fit_leaves_the_sensor_as_it_was():
         assert found.keys() == good.keys()
         for key, value in found.items():
             np.testing.assert_array_equal(value, good[key])
+
+
+def test_copies_and_twins_do_not_repeat_the_warnings_of_their_sensor():
+    spec = mujoco.MjSpec()
+    sensor = fastmodel.attach(spec, "world", PARAMETERS)
+    model = spec.compile()
+    with pytest.warns(fastmodel.OptionWarning) as first:
+        sensor.bind(model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        copied = copy.deepcopy(sensor)
+        twin = sensor.twin().bind(model)
+        twin.twin().bind(model)
+    with pytest.warns(fastmodel.OptionWarning) as again:
+        sensor.bind(model)
+    assert [str(each.message) for each in again] == [str(each.message) for each in first]
+    assert len(first) == len(sensor.check(model)) > 0
+    assert (copied.name, twin.name, copied.carried(), twin.carried()) == ("sensor", "sensor", 0, 0)
