@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -157,3 +159,81 @@ def test_values_that_go_back_and_forth_are_not_extrapolated():
 def test_scattered_values_are_covered_by_their_spread():
     assert estimate_spread([1.0, 1.02, 1.01]) == pytest.approx(2 * 0.02 / 1.01)
     assert estimate_spread([3.0, 3.0, 3.0]) == 0
+
+
+@pytest.mark.parametrize(
+    ("forces", "result", "error"),
+    [
+        # A fifth of what is extrapolated, where both extrapolations agree.
+        ([2 + 0.4 * size for size in SIZES], 2.0, 0.2 * 0.4 / 9),
+        # 1.25 times the change from 2.3 - 2 * 0.2 otherwise.
+        ([2.5, 2.3, 2.25], 2.15, 1.25 * (2.15 - 1.9)),
+        ([2.0, 2.0, 2.1], 2.3, 1.25 * (2.3 - 2.0)),
+        ([2.0, 2.1, 2.1], 2.1, 1.25 * (2.3 - 2.1)),
+    ],
+)
+def test_extrapolated_values_are_as_unsure_as_they_change(forces, result, error):
+    grids, study = make_grids(*forces), GridStudy(solutions=[], extrapolate=True)
+    assert float(study.combine(grids, read_force)) == pytest.approx(result)
+    assert study.estimate_error(grids, read_force) == pytest.approx(error / result)
+    shares = np.array([0.4, -0.3])
+    found = study.texel_errors(grids, lambda each: each.total_force * shares)
+    assert found == pytest.approx(error * np.abs(shares))
+    floor = GridStudy(solutions=[], extrapolate=True, least_error=0.5)
+    assert floor.estimate_error(grids, read_force) == 0.5
+    assert floor.texel_errors(grids, lambda each: each.total_force * shares) == pytest.approx(
+        0.5 * result * abs(shares)
+    )
+
+
+def test_texels_of_grids_that_are_refined_in_turn_add_both_errors():
+    """Thrice the change by the edge, and 1.25 times what elements of a third instead of a half leave."""
+    values = np.array([[1.0, 2.0, -3.0], [1.1, 1.9, -3.0], [1.2, 2.2, -3.5]])
+    grids = [make_solution(size=size) for size in (1 / 2, 1 / 2, 1 / 3)]
+    known = dict(zip(map(id, grids), values, strict=True))
+    found = GridStudy(solutions=[], edge_safety=3.0).texel_errors(grids, lambda each: known[id(each)])
+    left = (1 / 3) / (1 / 2 - 1 / 3)
+    assert found == pytest.approx(3 * np.array([0.1, 0.1, 0.0]) + 1.25 * left * np.array([0.1, 0.3, 0.5]))
+
+
+class Scaled:
+    """Fields that hold their factors."""
+
+    def scale(self, displacement, stress):
+        return displacement, stress
+
+
+@pytest.mark.parametrize(
+    ("control", "force", "depth"), [("depth", 2.25, 1.0), ("load", 2.75, 2.75 * 0.5 * (1 - 0.2 / 2))]
+)
+def test_half_of_an_effect_at_twice_the_target_corrects_every_attribute(control, force, depth):
+    """Baseline and full solution at a depth of 2: 25 % stiffer, 20 % wider, and more energy per force and depth."""
+    accurate = replace(make_solution(2.0, 1.0, area=3.0, size=9.0), energy=0.45 * 2.0)
+    baseline = replace(make_solution(4.4, 2.0, area=5.0, overlap=0.03, shares=(0.3, 0.3, 0.2, 0.1)), energy=0.4 * 8.8)
+    full = replace(
+        make_solution(5.5, 2.0, area=6.0, overlap=0.02, shares=(0.35, 0.25, 0.2, 0.1), size=0.25),
+        energy=0.5 * 11.0, fields=Scaled(),
+    )  # fmt: skip
+    found = correct_solution(accurate, baseline=baseline, full=full, control=control, share=0.5)
+    assert (found.total_force, found.depth) == pytest.approx((force, depth))
+    assert (found.size, found.overlap) == (0.25, 0.03)
+    assert found.area == pytest.approx(3.0 * (1 + 0.2 / 2))
+    assert found.energy == pytest.approx(force * depth * 0.45 * (1 + 0.25 / 2))
+    assert found.contact == pytest.approx(full.contact * [1, 1, force / 5.5])
+    assert found.shear == pytest.approx(full.shear * force / 5.5)
+    assert found.fields == pytest.approx((depth / 2.0, force / 5.5))
+    shares = np.array([0.4 + 0.05 / 2, 0.3 - 0.05 / 2, 0.2, 0.05])
+    assert read_texels(found) == pytest.approx(force * shares)
+    told = correct_solution(accurate, baseline=full, full=baseline, control=control, share=0.5, area=7.0)
+    assert (told.overlap, told.area, told.fields) == (0.03, 7.0, None)
+
+
+def test_extrapolation_takes_everything_else_from_the_finest_grid():
+    grids = [
+        make_solution(2 + size, 1.0, area=each, overlap=each / 100, size=size)
+        for size, each in zip(SIZES, (3.0, 4.0, 5.0), strict=True)
+    ]
+    found = extrapolate_solutions(grids)
+    assert (found.size, found.area, found.overlap) == (1 / 9, 5.0, 0.05)
+    assert found.contact is grids[2].contact
+    assert found.energy == pytest.approx((2 * 1.0) / 2)
