@@ -293,3 +293,10 @@ def test_a_ball_that_rubs_bears_more_in_the_cone_of_friction_on_the_same_cells(p
         found = [np.diff(np.unique(each.points[:, k].round(9))).min() for k in (0, 1)]
         assert (found > 0.999 * cells).all()
         assert (found < 1.251 * cells).all()
+
+
+def test_a_first_contact_may_be_rough_and_the_search_for_its_extent_is_given_up(monkeypatch):
+    """One solution does not find the depth under the load, which the first cells need not."""
+    monkeypatch.setattr(module, "_SETTINGS", dataclasses.replace(module._SETTINGS, steps=1, windows=0))
+    with pytest.raises(ConvergenceError, match="the extent of the contact was not found in 0 steps; use less load"):
+        begin(0.03, "load")
