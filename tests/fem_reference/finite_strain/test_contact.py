@@ -11,6 +11,7 @@ from fem_reference.finite_strain import contact as surface_contact
 from fem_reference.finite_strain.contact import NormalContact, SurfaceContact, TopPoints
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes import Box
+from tests.support.rubber import make_solid
 
 
 def block(friction):
@@ -137,3 +138,38 @@ def test_a_point_first_touches_where_its_motion_leads(gaps, ahead):
     normal = touched.pressure / 0.05
     assert touched.traction[..., 0] == pytest.approx(normal * (0.07 - predicted))
     assert np.abs(touched.traction[..., 1:]).max() < 1e-12
+
+
+def test_pressures_are_predicted_from_a_gap_that_is_linear():
+    """Under a flat face the gap is linear, so that the prediction is exact; tension is none."""
+    elements, contact = block(0.0)
+    rng, size = np.random.default_rng(5), elements.displacements + elements.pressures
+    one, other = 0.05 * rng.standard_normal((2, size))
+    contact.augment(3.0 * rng.standard_normal(contact.weight.shape))
+    before = contact.evaluate(one, 0.1)
+    for depth in (0.02, 0.25):
+        expected = contact.evaluate(other, depth).pressure
+        assert 0 < (expected > 0).mean() <= 1
+        assert contact.predict_pressure(before, other, depth) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("kind", ["block", "ring"])
+def test_volumes_are_predicted_to_first_order(kind):
+    """An even stretch of 1.1, 0.9 and 1.2 that changes by 0.01, 0.02 and -0.03; a ring stretches evenly around."""
+    solid = make_solid(kind, direct=3.0)
+    elements = solid.elements
+    stretch, change = np.array([1.1, 0.9, 1.2]), np.array([0.01, 0.02, -0.03])
+    if kind == "ring":
+        stretch, change = stretch[:2], change[:2]
+
+    def extend(factors):
+        state = np.zeros(elements.displacements + elements.pressures)
+        state[: elements.displacements] = (elements.nodes * (factors - 1)).ravel()
+        return state
+
+    found = solid.predict_volume(extend(stretch), extend(stretch + change))
+    # Around the axis the hoop stretches as the radius does.
+    factors, more = (np.append(each, each[0]) if kind == "ring" else each for each in (stretch, change))
+    exact = factors.prod() * (1 + (more / factors).sum()) - 1
+    assert found == pytest.approx(np.full(elements.weight.shape, exact))
+    assert make_solid(kind).predict_volume(extend(stretch), extend(stretch)) is None

@@ -14,6 +14,7 @@ from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.small_strain import study_path
 from fem_reference.linear_response.point_spread import superpose
+from fem_reference.small_strain_contact.frictionless import ContactPatch
 from meshes import Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover
@@ -113,3 +114,63 @@ def test_each_load_is_solved_on_three_grids_and_a_face_once(size, least, indente
         assert asked == [((target,), "load", place, cells) for target in (0.5, 2.0) for cells in grids]
         assert found.solutions == [solved, solved]
     assert (found.least_error, found.most_order, found.extrapolate) == (least, 1.0, flat)
+
+
+class Touches:
+    """Contacts whose half widths are given, over those of the rectangle of cells or in metres."""
+
+    cell = (0.1e-3, 0.06e-3)
+
+    def __init__(self, *extents):
+        self.extents, self.asked = list(extents), []
+
+    def __call__(self, _surface, _indenter, *, cells, load=None, depth=None, sides=None):
+        half = None if sides is None else sides.half
+        self.asked.append((cells, load, depth, half))
+        ends = np.array(self.extents.pop(0)) * (1.0 if half is None else half) - np.array(self.cell) / 2
+        x, y = np.array([[-0.5, 1.0], [1.0, -0.5]]) * ends[:, None]
+        return ContactPatch(x=x, y=y, force=np.ones(2), cell=self.cell, depth=1e-4, area=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shares", "halves"),
+    [
+        ([(0.97, 0.97)], [1.0]),
+        ([(0.99, 0.5), (0.97, 0.5)], [1.0, 1.35]),
+        ([(0.5, 0.99), (0.99, 0.99), (0.9, 0.9)], [1.0, 1.35, 1.35**2]),
+    ],
+)
+@pytest.mark.parametrize("control", ["load", "depth"])
+def test_the_cells_beside_sides_are_widened_until_they_span_the_contact(shares, halves, control, monkeypatch, tmp_path):
+    """From 1.35 times the contact on a wide cover on; the middles of cells are moved onto the cover."""
+    touches = Touches((0.5e-3, 0.4e-3), *shares)
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    monkeypatch.setattr(small_strain, "solve_contact", touches)
+    cover = replace(COVER, size=(4e-3, 3e-3))
+    path = LoadingPath(cover=cover, indenter=Sphere(radius=9e-3), targets=(0.3,), control=control)
+    place = Place(array=ARRAY, pose=Pose.planar(at=(1.5e-3, 0.0)))
+    found = small_strain.press_cells(path, place, None, 96)
+    given = (0.3, None) if control == "load" else (None, 0.3)
+    assert [each[:3] for each in touches.asked] == [(small_strain.CELLS[0], *given), *[(96, *given)] * len(halves)]
+    for (*_, half), factor in zip(touches.asked[1:], halves, strict=True):
+        assert half == pytest.approx(1.35 * factor * np.array([0.5e-3, 0.4e-3]))
+    # The side of the cover is 0.5 mm beside the axis.
+    assert found.x.max() <= 0.5e-3
+    assert found.force.tolist() == [1.0, 1.0]
+
+
+def test_no_cells_reach_beyond_what_an_indenter_can_touch(monkeypatch, tmp_path):
+    """A ball of 1 mm touches no farther than its radius, however large its contact; a face has its own size."""
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
+    cover, place = replace(COVER, size=(8e-3, 8e-3)), Place(array=ARRAY, pose=Pose())
+    path = LoadingPath(cover=cover, indenter=Sphere(radius=1e-3), targets=(0.3,), control="load")
+    touches = Touches((0.9e-3, 0.5e-3), (1.0, 0.99), (1.0, 0.9))
+    monkeypatch.setattr(small_strain, "solve_contact", touches)
+    small_strain.press_cells(path, place, None, 96)
+    assert [each[3] for each in touches.asked[1:]] == [
+        pytest.approx([1e-3, 1.35 * 0.5e-3]), pytest.approx([1e-3, 1.35**2 * 0.5e-3]),
+    ]  # fmt: skip
+    touches = Touches((1.0, 1.0))
+    monkeypatch.setattr(small_strain, "solve_contact", touches)
+    small_strain.press_cells(replace(path, indenter=Cylinder(radius=2e-3)), place, None, 96)
+    assert [each[3] for each in touches.asked] == [pytest.approx([2e-3, 2e-3])]

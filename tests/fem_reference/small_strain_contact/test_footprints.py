@@ -9,7 +9,7 @@ from fem_reference.small_strain_contact import several_indenters
 from fem_reference.small_strain_contact.several_indenters import Body, find_overlap, press_together
 from meshes import Box, Cylinder, Prism, Sphere, TexelArray
 from meshes.pose import Pose
-from tests.support.rubber import make_cover
+from tests.support.rubber import make_cover, stack_layers
 
 BOX, PIN = Box(size=(4e-3, 2e-3, 1e-3)), Cylinder(radius=1e-3)
 #: An L whose notch, beyond (0, 0), has room for a pin.
@@ -86,3 +86,31 @@ def test_the_point_of_a_weight_turns_and_moves_with_its_body():
     found = body(at=(2e-3, -1e-3), yaw=np.pi / 2, centre=(0.5e-3, 0.2e-3)).weight_point
     assert found == pytest.approx([2e-3 - 0.2e-3, -1e-3 + 0.5e-3])
     assert body(indenter=Sphere(radius=1e-3), at=(1e-3, 3e-3)).weight_point == pytest.approx([1e-3, 3e-3])
+
+
+class Caught(Exception):  # noqa: N818 -- ends a solution early
+    """How far the compliance was asked for."""
+
+
+@pytest.mark.parametrize(
+    ("layers", "sizes", "reach"),
+    [
+        # Four decay lengths, here the thickness, or one and a half diagonals of all footprints.
+        (((2e-3, 1e6, 0.3),), (1e-3, 2e-3), 8e-3),
+        (((2e-3, 1e6, 0.3),), (6e-3, 2e-3), 1.5 * np.hypot(8e-3, 4.5e-3)),
+    ],
+)
+def test_the_compliance_reaches_beyond_all_footprints_and_the_response(layers, sizes, reach, monkeypatch):
+    def stop(_cover, far):
+        raise Caught(far)
+
+    monkeypatch.setattr(several_indenters, "surface_compliance", stop)
+    monkeypatch.setattr(several_indenters, "point_spread", lambda _: None)
+    length, width = sizes
+    first = body(indenter=Box(size=(length, width, 1e-3)), at=(length / 2, 0.0))
+    bodies = [first]
+    if length > 5e-3:
+        bodies.append(body(indenter=Box(size=(1e-3, 1e-3, 1e-3)), at=(7.5e-3, 3e-3)))
+    with pytest.raises(Caught) as caught:
+        press_together(stack_layers(*layers), ARRAY, bodies)
+    assert caught.value.args[0] == pytest.approx(reach)
