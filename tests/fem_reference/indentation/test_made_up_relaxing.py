@@ -9,7 +9,7 @@ import pytest
 
 from fem_reference.errors import PiercedError, UnsupportedError
 from fem_reference.indentation import relaxing
-from fem_reference.indentation.relaxing import follow_press
+from fem_reference.indentation.relaxing import ElasticCurve, follow_curves, follow_press
 from meshes import Cylinder, Sphere, TexelArray
 from meshes.pose import Pose
 from meshes.relaxation import Relaxation
@@ -185,3 +185,36 @@ def test_contacts_that_shrink_or_lift_off_are_refused(monkeypatch, relaxation, i
     left = g - 0.99 / 6 * (0.6 * (t - 4) + 0.4 * 2 * (1 - np.exp(-(t - 4) / 2)))
     lifts = t[np.argmax(left <= 0)]
     assert lifts <= float(str(told.value).split("lifts off at ")[1].split(" s")[0]) < lifts + 1
+
+
+@pytest.mark.parametrize(
+    ("instants", "fastest", "decades"),
+    [
+        # Each interval begins with a hundredth of the shortest time of relaxation: five to eighteen decades.
+        ((0.0, 3.0, 50.0), 0.5, (5.0, 5.0)),
+        ((0.0, 3.0, 50.0), 1e-6, (np.log10(3e8), np.log10(47e8))),
+        ((0.0, 3.0, 50.0), 1e-20, (18.0, 18.0)),
+        (tuple(np.arange(101.0)), 0.5, (5.0,) * 100),
+    ],
+)
+def test_intervals_of_a_history_are_divided_evenly_and_by_decades(instants, fastest, decades):
+    """Sixty steps of two, or the part of them that each later interval gets; a middle alone where that is none."""
+    expected, count = [*instants], len(instants) - 1
+    for number, (start, end, reach) in enumerate(zip(instants[:-1], instants[1:], decades, strict=True)):
+        steps = 60 if number == 0 else 60 // count
+        parts = [0.5]
+        if steps:
+            powers = np.linspace(-reach, 0, 2 * int(np.ceil(steps * reach / 5)) + 1)
+            parts = [*np.arange(1, 2 * steps) / (2 * steps), *(10.0**powers)[:-1]]
+        expected += [start + (end - start) * part for part in parts]
+    depths = 1e-4 * np.linspace(0.2, 1, 6) ** 2
+    force = 1e3 * depths**1.5
+    curve = ElasticCurve(depths=depths, values=np.column_stack([force, force, 0 * force]))
+    law = Relaxation(g=(0.2, 0.1), tau=(fastest, 30.0))
+    found = follow_curves(
+        {1.0: curve}, law, list(instants), np.linspace(0.1e-4, 1e-4, len(instants)), control="depth", is_flat=False
+    )  # fmt: skip
+    expected = np.unique(np.array(expected))
+    kept = np.append(True, np.diff(expected) > 1e-12 * expected[1:])
+    times = found.times[np.append(True, np.diff(found.times) > 1e-12 * found.times[1:])]
+    assert times == pytest.approx(expected[kept], rel=1e-9)
