@@ -419,3 +419,34 @@ def test_forces_on_the_base_that_miss_the_load_are_warned_of(monkeypatch):
         assert found.texel_errors[0] == pytest.approx(missing * 1.0, rel=1e-6)
         assert found.base_force == pytest.approx([0, 0, -2.0 * (1 - missing)])
         assert found.unmeasured == pytest.approx([0, 0, -2.0 * (0.2 - missing)])
+
+
+@pytest.mark.parametrize(
+    ("path", "superposed", "solver"),
+    [
+        (make_path(), True, "small"),
+        (make_path(replace(LINEAR, size=(9e-3, 8e-3))), True, "small"),
+        (make_path(friction=0.2), False, "full"),
+        (make_path(RUBBER), True, "full"),
+        (make_path(replace(RUBBER, size=(9e-3, 8e-3))), False, "full"),
+        (make_path(replace(RUBBER, size=(9e-3, 8e-3))), True, "superposed"),
+        (make_path(replace(RUBBER, size=(9e-3, 8e-3)), friction=0.2), True, "full"),
+    ],
+)
+def test_sides_are_superposed_on_request_at_finite_strain_without_friction(path, superposed, solver, monkeypatch):
+    asked = []
+
+    def note(name):
+        def study(given, place, progress, refinement, **options):
+            asked.append((name, given, place, progress, refinement, options))
+            return GridStudy(solutions=[on_grids(solve(1.0, 1e-4, (0.5, 0.3, 0.2)))])
+
+        return study
+
+    monkeypatch.setattr(small_strain, "study_path", note("small"))
+    monkeypatch.setattr(layered, "study_nonlinear", note("full"))
+    monkeypatch.setattr(layered, "superpose_sides", note("superposed"))
+    (found,) = LayerPress(place=PLACE, superposed=superposed, start="start").solve(path, 2)
+    options = {"start": "start"} if solver == "full" else {}
+    assert asked == [(solver, path, PLACE, None, 2, options)]
+    assert found.total_force == 1.0
