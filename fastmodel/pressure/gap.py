@@ -311,7 +311,7 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
 def _measure_motion(
     poses: tuple[FloatArray, FloatArray, FloatArray, FloatArray], point: FloatArray, normal: FloatArray
 ) -> tuple[float, float, float]:
-    """Kernel: measure the motion of a rigid body near a point.
+    """Kernel, which calls no function of another file: measure the motion of a rigid body near a point.
 
     Args:
         poses: Axes of the body, as columns, shape (3, 3) [-], and its origin, shape (3,) [m]; both before the motion.

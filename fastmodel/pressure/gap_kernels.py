@@ -4,8 +4,8 @@
 `sample_body` averages the gap along an array's normal over cells, `sample_surface` that along the normals of a curved
 surface; `cross_lines` finds where any lines meet solids.
 
-All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
-of the functions that this kernel calls.
+These kernels and the functions that they call are in one file, because numba's cache checks only the file of the
+called kernel for changes.
 """
 
 from __future__ import annotations

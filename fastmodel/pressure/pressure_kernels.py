@@ -1,8 +1,8 @@
 # ruff: noqa: PLR0917, PLR2004, PLR0912, C901 -- kernels take arrays by position, and their tolerances stand where they act
 """Compiled kernels that compute the pressure on cells; `fastmodel.pressure.solvers` describes the methods.
 
-All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
-of the functions that this kernel calls.
+These kernels and the functions that they call are in one file, because numba's cache checks only the file of the
+called kernel for changes.
 """
 
 from __future__ import annotations

@@ -496,7 +496,7 @@ def find_start(
     wanted: FloatArray,
     scratch: FloatArray,
 ) -> FloatArray:
-    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
+    """Kernel, which calls no function of another file: compute the first forces of the iteration, shape (m,) [N].
 
     They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
     pressures on the cells under a body give less than half its load.

@@ -201,11 +201,14 @@ def _note_interrupts() -> Iterator[None]:
 
     The note outlasts the exception, which some compiled libraries turn into one of their own.
     """
+    if threading.current_thread() is not threading.main_thread():  # Only the main thread handles signals.
+        yield
+        return
+    noted = _INTERRUPTS.copy()
     _INTERRUPTS.clear()
-    # Only the main thread handles signals; a shell lets jobs in its background ignore Ctrl-C; None is not Python's.
-    is_main = threading.current_thread() is threading.main_thread()
-    handlers = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM) if is_main]
-    before = {number: handler for number, handler in handlers if handler not in {None, signal.SIG_IGN}}
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    # A shell lets jobs in its background ignore Ctrl-C.  A handler of C code, None here, could not be restored.
+    before = {each: handler for each, handler in handlers.items() if handler is not None and handler != signal.SIG_IGN}
     for number in before:
         signal.signal(number, _interrupt)
     try:
@@ -213,6 +216,7 @@ def _note_interrupts() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        _INTERRUPTS[:] = noted
 
 
 def _interrupt(number: int, _: object) -> None:
@@ -272,8 +276,9 @@ def _report_error(raised: Exception, words: Sequence[str]) -> int:
     error = _clarify(raised, words)
     explanation = explain(error)
     if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
-        if _INTERRUPTS and not os.environ.get("SOFTCOVER_TRACEBACK"):
-            return _report_interrupt()
+        if explanation is None and _INTERRUPTS and not os.environ.get("SOFTCOVER_TRACEBACK"):
+            # Either a library turned the interrupt into this error, or the error came later.
+            return _report_interrupt(f"; {type(raised).__name__}: {raised}; SOFTCOVER_TRACEBACK=1 shows where")
         raise raised
     see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
     for line in explanation.lines[:_MOST_LINES]:
@@ -284,9 +289,9 @@ def _report_error(raised: Exception, words: Sequence[str]) -> int:
     return explanation.status
 
 
-def _report_interrupt() -> int:
-    """State that Ctrl-C ended the command, and return the exit status."""
-    sys.stderr.write("softcover: interrupted\n")
+def _report_interrupt(error: str = "") -> int:
+    """State that Ctrl-C ended the command, with which error if any, and return the exit status."""
+    sys.stderr.write(f"softcover: interrupted{error}\n")
     forget_notes()
     return INTERRUPTED
 

@@ -154,7 +154,7 @@ def locate(
 
 
 def _find_farthest(sensor: SensorDescription) -> float:
-    """Return the largest radius and distance of touches [m], without the rounding error of the product."""
+    """Return the largest radius and distance of touches, rounded to 1e-12 m so that its own text is accepted [m]."""
     return round(_FARTHEST * min(sensor.array.pitch), 12)
 
 

@@ -180,34 +180,37 @@ def test_a_request_to_terminate_ends_every_command_like_ctrl_c(monkeypatch, caps
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_that_a_library_turns_into_an_error_is_an_interrupt(monkeypatch, capsys, number):
-    """A compiled library may hide the exception; the next command knows nothing of it."""
+def test_an_error_after_an_interrupt_is_named_beside_it(monkeypatch, capsys, number):
+    """A compiled library may turn the interrupt into an error; the next command knows nothing of the interrupt."""
     before = signal.getsignal(number)
 
     def run(words, **_):
         with contextlib.suppress(KeyboardInterrupt):
             if words == ["materials"]:
                 signal.raise_signal(number)
-        raise SystemError("error return without exception set")
+        raise SystemError("no exception set")
 
     monkeypatch.setattr("validation.cli.entry.app", run)
     with pytest.raises(SystemExit) as raised:
         main(["materials"])
-    assert (raised.value.code, capsys.readouterr().err) == (130, "softcover: interrupted\n")
+    said = "softcover: interrupted; SystemError: no exception set; SOFTCOVER_TRACEBACK=1 shows where\n"
+    assert (raised.value.code, capsys.readouterr().err) == (130, said)
     assert signal.getsignal(number) is before
     with pytest.raises(SystemError):
         main(["store"])
 
 
-def test_a_command_that_ignores_ctrl_c_goes_on(monkeypatch):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_that_ignores_a_signal_goes_on(monkeypatch, number):
     """As a shell starts jobs in its background."""
-    monkeypatch.setattr("validation.cli.entry.app", lambda *_, **__: signal.raise_signal(signal.SIGINT))
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    monkeypatch.setattr("validation.cli.entry.app", lambda *_, **__: signal.raise_signal(number))
+    before = signal.signal(number, signal.SIG_IGN)
     try:
         with pytest.raises(SystemExit) as raised:
             main(["materials"])
+        assert signal.getsignal(number) is signal.SIG_IGN
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(number, before)
     assert raised.value.code == 0
 
 
