@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from fastmodel.contact.points import ChartCells, find_first_contact, pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, MissedArrayError
 from fastmodel.pressure.solvers import Load
-from fastmodel.surface import cell_edge
 from meshes import Box, Nut, Sphere
 from meshes.pose import Pose
 from tests.support.cover_data import make_dome, make_half_space
@@ -120,14 +119,19 @@ def test_a_flat_punch_sinks_as_boussinesq_says():
     np.testing.assert_allclose(nut.forces @ nut.place[:, :2], 0, atol=0.6 * 5e-5)
 
 
-@pytest.mark.parametrize(("half", "thickness"), [((2e-3, 0.7e-3), 2e-3), ((0.3e-3, 5e-3), 1.3e-3)])
-def test_cells_of_a_chart_are_the_next_smaller_of_a_series_of_sizes(half, thickness):
+@pytest.mark.parametrize(
+    ("half", "thickness", "numbers", "edges"),
+    [
+        ((2e-3, 0.7e-3), 2e-3, (-6, -9), (1 / 8, 1 / 16 / np.sqrt(2))),  # below 1/7 and 1/20
+        ((0.3e-3, 5e-3), 1.3e-3, (-10, -2), (1 / 32, 1 / 2)),  # below 3/91 and 50/91
+        ((3.5e-3, 5e-3), 2e-3, (-4, -3), (1 / 4, 1 / 2 / np.sqrt(2))),  # at 1/4, below 5/14
+    ],
+)
+def test_cells_of_a_chart_are_the_next_smaller_of_a_series_of_sizes(half, thickness, numbers, edges):
+    """A cell is at most a fourteenth of the contact; the sizes, over the thickness, are 1, 1 / sqrt(2), 1 / 2 ..."""
     cells = ChartCells.around(np.zeros(3), np.eye(3), np.zeros(2), np.array(half), thickness)
-    wanted = 2 * np.array(half) / 14
-    assert (cells.edge <= wanted * (1 + 1e-12)).all()
-    larger = thickness * np.array([cell_edge(each + 1) for each in cells.numbers])
-    assert (larger > wanted).all()
-    np.testing.assert_allclose(cells.edge, thickness * np.array([cell_edge(each) for each in cells.numbers]))
+    assert cells.numbers == numbers
+    np.testing.assert_allclose(cells.edge, thickness * np.array(edges), rtol=1e-12)
 
 
 def test_bodies_that_do_not_meet_change_nothing_of_each_other():

@@ -103,7 +103,7 @@ def test_a_table_is_applied_to_a_window_that_extends_beyond_the_grid(origin):
 @pytest.mark.parametrize("edge", [0.0, 0.3e-3])
 @pytest.mark.parametrize("scale", [1e-3, 1.0])
 def test_a_mesh_has_the_planes_of_its_faces_once(edge, scale):
-    """A prism of 2 x 3 x 4 with a cut corner; each side consists of triangles in one plane."""
+    """A block of 2 x 3 x 4, from its corners and a point inside; each side consists of triangles in one plane."""
     spec = mujoco.MjSpec()
     corners = scale * np.array([[x, y, z] for x in (0, 2.0) for y in (0, 3.0) for z in (0, 4.0)])
     spec.add_mesh(name="block", uservert=np.vstack([corners, corners.mean(axis=0)]).ravel())

@@ -56,7 +56,7 @@ def test_images_without_two_dimensions_are_refused(gap):
 
 
 def test_many_worlds_are_computed_as_each_alone():
-    """More than fit one block; the whole number of points a cell does not matter for an even image."""
+    """More worlds than one block holds; an image of 3 x 3 points per cell gives the same."""
     gap, load = draw_gaps(66)
     found = FUNCTIONS.forces(gap, load, iterations=3)
     assert found.cell_forces.shape == (66, *SHAPE)

@@ -21,10 +21,6 @@ BEYOND = MESH.nodes[MESH.top][..., 0].mean(axis=1) > 1e-3
 PART = dataclasses.replace(MESH, top=MESH.top[~BEYOND], left_out=MESH.top[BEYOND])
 
 
-def check(mesh, moved, indenter, pose, **motion):
-    check_penetration(mesh, moved, indenter, pose, **motion)
-
-
 @pytest.mark.parametrize("mesh", [MESH, PART], ids=["top", "left out"])
 @pytest.mark.parametrize(
     ("depth", "inside"),
@@ -34,11 +30,11 @@ def test_three_quarters_of_the_depth_or_three_hundredths_of_the_thickness_may_li
     """The top at 2 mm is passed by a plate that began at 10 mm."""
     allowed = max(0.75 * depth, 0.03 * 2e-3)
     if inside <= allowed:
-        check(mesh, STILL, WHOLE, DOWN, travel=8e-3 + inside, depth=depth)
+        check_penetration(mesh, STILL, WHOLE, DOWN, travel=8e-3 + inside, depth=depth)
         return
     words = rf"by {1e3 * inside:.2g} mm at \(.*, 2\) mm, more than {1e3 * allowed:.2g} mm: the indenter touches a part"
     with pytest.raises(ConvergenceError, match=words):
-        check(mesh, STILL, WHOLE, DOWN, travel=8e-3 + inside, depth=depth)
+        check_penetration(mesh, STILL, WHOLE, DOWN, travel=8e-3 + inside, depth=depth)
 
 
 def test_the_deepest_point_is_named_in_the_pressed_cover():
@@ -48,9 +44,9 @@ def test_the_deepest_point_is_named_in_the_pressed_cover():
     moved[corner] = [0.0, 0.0, 0.5e-3]
     ball, pose = Sphere(radius=3e-3), Pose.facing([2e-3, -1e-3, 10e-3], [0, 0, -1])
     with pytest.raises(ConvergenceError, match=r"by 0.1 mm at \(2, -1, 2\) mm, more than 0.06 mm"):
-        check(MESH, moved, ball, pose, travel=7.6e-3, depth=1e-5)
-    check(MESH, moved, ball, pose, travel=7.55e-3, depth=1e-5)
-    check(MESH, -moved, ball, pose, travel=8.05e-3, depth=1e-5)
+        check_penetration(MESH, moved, ball, pose, travel=7.6e-3, depth=1e-5)
+    check_penetration(MESH, moved, ball, pose, travel=7.55e-3, depth=1e-5)
+    check_penetration(MESH, -moved, ball, pose, travel=8.05e-3, depth=1e-5)
 
 
 @pytest.mark.parametrize(("smooth", "share"), [(False, 0.5), (True, 0.1)])

@@ -65,8 +65,7 @@ def test_what_a_file_does_not_state_has_these_defaults(tmp_path):
     assert (plain.uses, plain.array, plain.threshold, plain.temperature) == (("fit", "score"), None, None, None)
 
 
-def test_keys_of_the_file_the_series_and_the_recording_in_rising_precedence(tmp_path):
-    found = build(tmp_path, """
+KEYS = """
 name = "n"
 source = "who"
 sensor = "pad"
@@ -111,7 +110,11 @@ placement = "own"
 [[series.file]]
 path = "b4.csv"
 at = "fitted"
-""", ("a1.csv", "b1.csv", "b2.csv", "b3.csv", "b4.csv"))  # fmt: skip
+"""
+
+
+def test_keys_of_the_file_the_series_and_the_recording_in_rising_precedence(tmp_path):
+    found = build(tmp_path, KEYS, ("a1.csv", "b1.csv", "b2.csv", "b3.csv", "b4.csv"))
     assert (found.name, found.source, found.sensor, found.problems) == ("n", "who", "pad", ())
     one, second, first, third, fourth = found.files
     assert (one.load, one.array, one.threshold, one.zero) == (1.0, 1, 2.5, tmp_path / "zero.csv")
