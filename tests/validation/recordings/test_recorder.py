@@ -134,7 +134,7 @@ def test_a_file_holds_when_each_frame_was_taken_and_came(tmp_path):
     messages = take_apart((tmp_path / "a.mcap").read_bytes()).messages
     frames = [each for each in messages if each[0] == "/tactile/frame"]
     (shift,) = {each[2] - event.host_time for each, event in zip(frames, [*events[:2], events[3]], strict=True)}
-    assert min(before, after) - 10**6 <= shift <= max(before, after) + 10**6
+    assert min(before, after) - 5 * 10**7 <= shift <= max(before, after) + 5 * 10**7  # two clocks, read one by one
     assert [each[1] for each in frames] == [0, 1, 2]
     assert [each[3] for each in frames] == [event.host_time + shift for event in (*events[:2], events[3])]
     assert [each[2:] for each in messages if each[0] == "/raw"] == [
