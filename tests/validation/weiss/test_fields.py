@@ -2,6 +2,7 @@
 
 import struct
 import threading
+import time
 from random import Random
 
 import numpy as np
@@ -165,7 +166,7 @@ class Port:
     def __init__(self, answers, events=b""):
         self.answers, self.events, self.sent, self.waiting = answers, events, [], bytearray()
         self.changed = threading.Condition()
-        self.is_open, self.resets = True, 0
+        self.is_open, self.resets, self.is_stored = True, 0, True
 
     def reset_input_buffer(self):
         self.waiting.clear()
@@ -174,11 +175,17 @@ class Port:
     def write(self, data):
         (request,) = Parser().feed(bytes(data))
         self.sent.append(bytes(data))
+        answer = self.answers.get(request.identifier)
+        if answer is not None:
+            self.give(answer(request.payload) if callable(answer) else answer)
+
+    def give(self, data):
+        """Wait until the bytes are stored: a read that finds none of them begins after the others were stored."""
         with self.changed:
-            answer = self.answers.get(request.identifier)
-            if answer is not None:
-                self.waiting += answer if callable(answer) is False else answer(request.payload)
-            self.changed.notify()
+            self.waiting += data
+            self.is_stored = False
+            self.changed.notify_all()
+            assert self.changed.wait_for(lambda: self.is_stored, 10.0)
 
     @property
     def in_waiting(self):
@@ -186,6 +193,9 @@ class Port:
 
     def read(self, size):
         with self.changed:
+            if not self.waiting:
+                self.is_stored = True
+                self.changed.notify_all()
             self.changed.wait_for(lambda: self.waiting, 0.005)
             data = bytes(self.waiting[:size])
             del self.waiting[:size]
@@ -281,13 +291,14 @@ def test_a_silent_stream_is_told_and_started_again(open_port, status):
     """Twice the time of an answer, or three intervals, pass without a frame."""
     port, sensor = open_port({0x21: answer(0x21, status=status)})
     with sensor:
-        sensor.timeout = 0.01
-        for interval, silence in ((0, 0.02), (10, 0.03)):
+        sensor.timeout = 0.03
+        for interval, silence in ((0, 0.06), (24, 0.072)):
             port.sent.clear()
             stream = sensor.stream(interval_ms=interval)
             gap = next(stream)
             assert (gap.kind, gap.seconds) == ("silence", pytest.approx(silence))
-            assert port.sent == [send(0x21, struct.pack("<BH", 0, interval))] * 2
+            assert set(port.sent) == {send(0x21, struct.pack("<BH", 0, interval))}
+            assert len(port.sent) >= 2  # more if the computer was so slow that a command was sent again
             stream.close()
 
 
@@ -319,20 +330,24 @@ def test_an_answer_that_is_refused_wrong_or_missing_is_told(open_port, changes, 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({0x50: None}, "9 bytes came|10 bytes came"),
+        ({0x50: None}, "[1-3]0 bytes came"),  # the answer to the first command, which is sent up to three times
         ({0x50: None, 0x22: None}, "nothing came back"),
-        ({0x22: answer(0x22, status=9)}, ""),
     ],
 )
 def test_a_port_without_a_sensor_is_told_and_closed(open_port, monkeypatch, changes, words):
-    if not words:
-        open_port(changes)[1].close()
-        return
     ports = []
     monkeypatch.setattr(Port, "close", lambda self: ports.append(self.name))
     with pytest.raises(NoAnswerError, match=f"/dev/x: no Weiss WTS sensor answers here: ({words})"):
-        open_port(changes, timeout=0.01)
-    assert len(ports) == 1
+        open_port(changes, timeout=0.03)
+    assert ports == ["/dev/x"]
+
+
+def test_a_sensor_that_refuses_to_stop_a_stream_is_accepted(open_port):
+    port, sensor = open_port({0x22: answer(0x22, status=9)})
+    with sensor:
+        assert port.is_open
+        assert port.sent == [send(0x22), send(0x50), send(0x30)]
+        assert sensor.parser.texels == 6
 
 
 def test_a_sensor_without_a_matrix_accepts_frames_of_any_size(open_port):
@@ -371,14 +386,9 @@ def test_bytes_beyond_the_buffer_are_counted(monkeypatch):
     assert port.options["timeout"] == 0.005
     assert "exclusive" not in port.options
     for piece in (b"12345678", b"9", b"10"):
-        with port.changed:
-            port.waiting += piece
-            port.changed.notify()
-        while port.waiting:
-            threading.Event().wait(0.001)
-        threading.Event().wait(0.005)
+        port.give(piece)
     assert [(each.data, each.lost) for each in link.read(1)] == [(b"12345678", 0)]
-    port.waiting += b"ab"
+    port.give(b"ab")
     assert [(each.data, each.lost) for each in link.read(1)] == [(b"ab", 3)]
     assert link.read(0.0) == []
     link.close()
@@ -394,12 +404,7 @@ def test_bytes_lost_in_a_full_buffer_are_a_gap_before_the_next_frame(open_port):
         stream = sensor.stream()
         assert next(stream).ticks == 10
         for piece in (bytes(70), second):
-            with port.changed:
-                port.waiting += piece
-                port.changed.notify()
-            while port.waiting:
-                threading.Event().wait(0.001)
-            threading.Event().wait(0.01)
+            port.give(piece)
         gap, reading = next(stream), next(stream)
         assert (gap.kind, gap.frames, gap.skipped in (69, 70)) == ("overflow", 0, True)  # one byte may be read alone
         assert 0 < gap.host_time <= reading.host_time
@@ -560,10 +565,11 @@ def test_faults_change_a_message_by_all_lengths_within_their_bounds(name, shorte
 
 
 class End:
-    """The device's end of a line whose client takes some bytes at a time, and asks for frames first."""
+    """The device's end of a line: its client asks for frames, takes few bytes at once, and stops when it has enough."""
 
-    def __init__(self, takes):
+    def __init__(self, takes, has_enough):
         self.takes, self.asked, self.sent, self.waits = takes, send(0x21, b"\0\0\0"), b"", []
+        self.has_enough, self.stop = has_enough, threading.Event()
 
     def send(self, data):
         taken = data[: self.takes]
@@ -573,32 +579,47 @@ class End:
     def receive(self, wait):
         self.waits.append(wait)
         asked, self.asked = self.asked, b""
+        if self.has_enough(self):
+            self.stop.set()
         return asked
+
+
+def serve(sensor, end, **options):
+    return virtual.serve(sensor, end, stop=end.stop, seconds=20.0, **options)
 
 
 @pytest.mark.parametrize(("room", "kept"), [(11, 1), (10 + 29, 1), (10 + 29 + 1, 2)])
 def test_frames_beyond_the_room_for_a_client_are_left_out_as_a_whole(room, kept):
     """The answer has 10 bytes and a frame of 8 texels 29; nothing is taken."""
     matrix = MatrixInfo(columns=4, rows=2, cell_width=4e-3, cell_height=3e-3, full_scale=4090)
-    sensor, end = VirtualSensor(lambda _: np.arange(8), matrix=matrix, rate=400.0), End(0)
-    left_out = virtual.serve(sensor, end, seconds=0.06, backlog_bytes=room)
+    sensor = VirtualSensor(lambda _: np.arange(8), matrix=matrix, rate=400.0)
+    end = End(0, lambda _: sensor.frames_sent > 5)
+    left_out = serve(sensor, end, backlog_bytes=room)
     assert sensor.frames_sent > 5
     assert left_out == sensor.frames_sent - kept
     assert all(0 <= wait <= 0.05 for wait in end.waits)
 
 
-def test_a_client_that_reads_gets_every_byte_until_the_run_is_stopped():
-    stop, sensor = threading.Event(), VirtualSensor(lambda _: np.arange(84), rate=1000.0)
-    end = End(7)
-    timer = threading.Timer(0.05, stop.set)
-    timer.start()
-    assert virtual.serve(sensor, end, stop=stop, backlog_bytes=10**6) == 0
-    assert end.sent.startswith(send(0x21, b"\0\0"))
-    whole = End(10**6)
-    assert virtual.serve(VirtualSensor(lambda _: np.arange(84), rate=100.0), whole, seconds=0.05) == 0
-    frames = Parser(texels=84).feed(whole.sent)
-    assert [each.identifier for each in frames[:2]] == [0x21, 0x00]
-    assert max(whole.waits) > 0.005  # it waits for the next frame
-    stop.set()
-    assert virtual.serve(sensor, whole, stop=stop) == 0
+def test_a_client_that_takes_few_bytes_at_a_time_gets_every_byte():
+    end, parser = End(7, lambda end: len(end.sent) > 10 + 2 * 181), Parser(texels=84)
+    assert serve(VirtualSensor(lambda _: np.arange(84), rate=1000.0), end, backlog_bytes=10**6) == 0
+    assert [each.identifier for each in parser.feed(end.sent)[:3]] == [0x21, 0x00, 0x00]
+    assert parser.bytes_skipped == 0
+
+
+def test_a_sensor_waits_for_its_next_frame():
+    end = End(10**6, lambda end: len(end.sent) >= 10 + 181 and max(end.waits) > 0.005)
+    assert serve(VirtualSensor(lambda _: np.arange(84), rate=100.0), end) == 0
+    assert [each.identifier for each in Parser(texels=84).feed(end.sent)[:2]] == [0x21, 0x00]
+    assert 0.005 < max(end.waits) <= 0.05
+
+
+def test_a_run_ends_after_its_time_or_when_it_is_stopped():
+    sensor, end, start = VirtualSensor(lambda _: np.arange(84)), End(10**6, lambda _: False), time.monotonic()
+    assert virtual.serve(sensor, end, seconds=0.03) == 0
+    assert time.monotonic() - start >= 0.03
+    end.waits.clear()
+    end.stop.set()
+    assert virtual.serve(sensor, end, stop=end.stop) == 0
+    assert end.waits == []
     assert (virtual.BACKLOG_BYTES, BUFFER_BYTES, Chunk(1, b"").lost) == (4096, 2**18, 0)
