@@ -51,7 +51,8 @@ def test_pressures_at_a_depth_are_those_of_non_negative_least_squares(compliance
     expected, _ = nnls(factor.T, -np.linalg.solve(factor, wanted))
     found, motion = find_pressures(compliance, gap - depth, gap < depth)
     assert motion.shape == (0,)
-    assert found.ravel() == pytest.approx(expected, abs=1e-5 * max(expected.max(), 1.0))
+    # one cell may flicker between contact and none while its pressure or overlap is below 1e-4 of the largest
+    assert found.ravel() == pytest.approx(expected, abs=1e-4 * max(expected.max(), 1.0))
 
 
 @SHARED
