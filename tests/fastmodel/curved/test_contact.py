@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 import fastmodel
 import meshes
-from fastmodel.contact.mesh import list_hulls
+from fastmodel.contact.mesh import MeshReader, list_hulls
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pressure.solvers import Load
@@ -220,6 +220,18 @@ def test_a_body_reaches_the_middle_of_a_saddle(parameters):
     assert sum(model.geom(each).name.startswith("sensor/plate") for each in range(model.ngeom)) >= len(hulls) - 1
     assert sensor.carried() == pytest.approx(0.03 * 9.81, rel=1e-2)
     assert 9.6e-3 < data.body("ball").xpos[2] - 3e-3 < 10.0e-3 + 0.1 * saddle.thickness
+
+
+def test_few_contacts_are_read_before_the_first_touch_of_a_cover_of_several_hulls(parameters, monkeypatch):
+    """Where hulls overlap, a body always has several contacts; each is solved for, which takes long."""
+    saddle, read, counts = make_saddle(8e-3), MeshReader.read, []
+    monkeypatch.setattr("fastmodel.contact.interface._COMPILED", set())
+    monkeypatch.setattr(MeshReader, "read", lambda self, data: counts.append(data.ncon) or read(self, data))
+    spec = make_spec()
+    sensor = fastmodel.attach(spec, "world", dataclasses.replace(parameters, surface=saddle))
+    sensor.bind(spec.compile())
+    assert counts[-1] == 1 < counts[-2]
+    assert np.count_nonzero(counts) < 10
 
 
 def test_texels_of_a_curved_cover_may_share_corners(parameters):
