@@ -142,11 +142,10 @@ def list_hulls(cover: CoverPoints) -> tuple[FloatArray, ...]:
     nothing passes between them.
     """
     points, lower = cover.points, cover.points - cover.thickness * cover.normals
-    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    whole = points if extent[-1] > 1e-6 * extent[0] else np.concatenate([points, lower])
+    both, extent = np.concatenate([points, lower]), np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     # With the base below, the bottom of a dent lies inside the hull and not on its lower side.
-    if _measure_dents(points, np.concatenate([points, lower])) <= _DENT * cover.thickness:
-        return (whole,)
+    if _measure_dents(points, both) <= _DENT * cover.thickness:
+        return (points if extent[-1] > 1e-6 * extent[0] else both,)
     pending, parts, tree = [np.arange(len(points))], [], cKDTree(points)
     while pending:
         part = pending.pop()

@@ -275,10 +275,11 @@ def _report_error(raised: Exception, words: Sequence[str]) -> int:
         cause = cause.__cause__ or cause.__context__
     error = _clarify(raised, words)
     explanation = explain(error)
-    if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
-        if explanation is None and _INTERRUPTS and not os.environ.get("SOFTCOVER_TRACEBACK"):
-            # Either a library turned the interrupt into this error, or the error came later.
-            return _report_interrupt(f"; {type(raised).__name__}: {raised}; SOFTCOVER_TRACEBACK=1 shows where")
+    traced = bool(os.environ.get("SOFTCOVER_TRACEBACK"))
+    if explanation is None and _INTERRUPTS and not traced:
+        # Either a library turned the interrupt into this error, or the error came later.
+        return _report_interrupt(f"; {type(raised).__name__}: {raised}; SOFTCOVER_TRACEBACK=1 shows where")
+    if explanation is None or traced:
         raise raised
     see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
     for line in explanation.lines[:_MOST_LINES]:
