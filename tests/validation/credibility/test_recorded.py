@@ -9,7 +9,7 @@ import pytest
 
 from meshes import Box, Cover, Layer, TexelArray
 from meshes.catalogue import MATERIALS
-from validation.calibration.forward_fit import compute_forces
+from tests.support.straight_line import StraightLine
 from validation.calibration.model import ContactMethod, Placement, Pose
 from validation.campaign.campaign_file import Inputs
 from validation.credibility.recorded import compare_loads
@@ -25,24 +25,13 @@ LOAD, SLOPE, CREEP, NOISE, THRESHOLD = 10.0, 1200.0, 0.12, 2.5, 40.0
 ROUNDING = 1 / math.sqrt(12)
 
 
-@dataclasses.dataclass(frozen=True)
-class Line:
-    """A fitted model whose counts are a straight line in the texel forces."""
-
-    method: ContactMethod
-    poses: dict = dataclasses.field(default_factory=dict)
-
-    def predict(self, observed):
-        return SLOPE * compute_forces(self.method, observed, self.poses)
-
-
 def even_forces(_indenter, load, _pose):
     """Equal forces on the 3 x 3 texels in the middle."""
     inside = np.abs(ARRAY.centres[:, :2]).max(axis=1) < 4e-3
     return load * inside / inside.sum()
 
 
-LINE = Line(ContactMethod(name="even", about="", array=ARRAY, solve=even_forces))
+LINE = StraightLine(ContactMethod(name="even", about="", array=ARRAY, solve=even_forces), SLOPE)
 
 
 def make_image(factor, placement=PLACEMENT, load=LOAD, creep=CREEP):

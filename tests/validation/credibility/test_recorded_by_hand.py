@@ -9,7 +9,7 @@ import pytest
 
 from meshes import Sphere, TexelArray
 from tests.support.rubber import make_cover
-from validation.calibration.forward_fit import compute_forces
+from tests.support.straight_line import StraightLine
 from validation.calibration.model import ContactMethod, Placement, Pose
 from validation.campaign.campaign_file import Inputs
 from validation.credibility.recorded import compare_loads
@@ -27,18 +27,9 @@ EFFECTS = {
 INPUTS = Inputs(modulus=0.0, poisson_ratio=0.0, thickness=0.0, position=1e-4, yaw=0.0, friction=0.4)
 
 
-@dataclasses.dataclass(frozen=True)
-class Line:
-    """A fitted model whose counts are a straight line in the texel forces."""
-
-    method: ContactMethod
-    poses: dict = dataclasses.field(default_factory=dict)
-
-    def predict(self, observed):
-        return SLOPE * compute_forces(self.method, observed, self.poses)
-
-
-LINE = Line(ContactMethod(name="uneven", about="", array=ARRAY, solve=lambda _body, load, _pose: load * SHARES))
+LINE = StraightLine(
+    ContactMethod(name="uneven", about="", array=ARRAY, solve=lambda _body, load, _pose: load * SHARES), SLOPE
+)
 
 
 @pytest.fixture

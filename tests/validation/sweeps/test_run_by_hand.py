@@ -16,14 +16,10 @@ from validation.sweeps import measurements
 from validation.sweeps.measurements import Measurement, Quantity
 from validation.sweeps.run import check_store, compute, find_key, list_versions, read_result, run_here
 
+pytestmark = pytest.mark.usefixtures("store")
+
 SENSOR = BUILT_IN["wts-0614-34"]
 DERIVE, LIMITS = (Measurement(command=name, options={}) for name in ("derive", "limits"))
-
-
-@pytest.fixture(autouse=True)
-def store(tmp_path, monkeypatch):
-    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "store"))
-    return tmp_path / "store"
 
 
 @pytest.fixture

@@ -23,13 +23,9 @@ from validation.sweeps import measurements, page
 from validation.sweeps.cube import read_wish
 from validation.sweeps.measurements import Quantity
 
+pytestmark = pytest.mark.usefixtures("store")
+
 THICKNESS, PITCH = "cover.layer[0].thickness", "array.pitch"
-
-
-@pytest.fixture(autouse=True)
-def store(tmp_path, monkeypatch):
-    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "store"))
-    return tmp_path / "store"
 
 
 @pytest.fixture
